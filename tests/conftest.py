@@ -56,7 +56,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def pytest_collection_finish() -> None:
-    isolation._ask = readers.ask
+    isolation._run_reader = readers.ask
     if "dolfinx.jit" in sys.modules:
         from antiosc.fem import missing
 

@@ -97,8 +97,8 @@ def hashes_of(base: Path, data: Table, root: Path) -> Table:
 
 def require_decided(document: Document, root: Path) -> None:
     """Raise Refusal with the choices if the unit, material or supports of a part are missing."""
-    from antiosc.io.by_gmsh import STATES_UNIT
-    from antiosc.io.neutral import SYSTEMS
+    from antiosc.io.by_gmsh import ENDINGS_WITH_UNIT
+    from antiosc.io.neutral import UNIT_SYSTEMS
 
     build = Builder(document)
     parts = build.part("parts")
@@ -112,8 +112,8 @@ def require_decided(document: Document, root: Path) -> None:
         path = within(root, table[key], document.path.parent)
 
         choices: list[Any]
-        if "unit" not in table and path.suffix.lower() not in STATES_UNIT:
-            kind, name, choices = "unit", f"{section}.unit", list(SYSTEMS)
+        if "unit" not in table and path.suffix.lower() not in ENDINGS_WITH_UNIT:
+            kind, name, choices = "unit", f"{section}.unit", list(UNIT_SYSTEMS)
         elif section == "geometry" and "material" not in part:
             kind, name, choices = "material", "material", materials.names()
         elif section == "geometry" and "supports" not in part and not free:

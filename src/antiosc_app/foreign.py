@@ -131,17 +131,17 @@ def unit_of_length(length: float) -> str:
 def _of_mesh(path: Path, unit: str | None, size: float | None, alone: Read | None) -> ForeignPart:
     """Read a mesh, or mesh a geometry; the arguments are those of `foreign_part`."""
     from antiosc.extension import default_size, usual_size
-    from antiosc.io.by_gmsh import STATES_UNIT
-    from antiosc.io.facets import SURFACES
+    from antiosc.io.by_gmsh import ENDINGS_WITH_UNIT
+    from antiosc.io.facets import SURFACE_ENDINGS
 
     suffix = path.suffix.lower()
     read: Read = {} if unit is None else {"unit": unit}
-    is_unknown = unit is None and suffix not in STATES_UNIT
+    is_unknown = unit is None and suffix not in ENDINGS_WITH_UNIT
     ways: list[Read] = [{}, *({"cells": dim} for dim in (3, 2, 1))]
     pieces: Sequence[Piece] = ()
     notes: list[str] = []
 
-    if suffix in GEOMETRIES or suffix in SURFACES:
+    if suffix in GEOMETRIES or suffix in SURFACE_ENDINGS:
         contents, read = _opened(path, read, is_unknown)
         pieces = contents.pieces
         ways = _ways_of(contents, suffix in GEOMETRIES, notes)
@@ -190,9 +190,9 @@ def _opened(path: Path, read: Read, is_unknown: bool) -> tuple[FileMesh, Read]:
 
     `is_unknown`: whether the unit is to be guessed.
     """
-    from antiosc.io.reading import outline
+    from antiosc.io.reading import read_outline
 
-    contents = outline(path)
+    contents = read_outline(path)
     if is_unknown:
         read = read | {"unit": unit_of_length(float(np.ptp(contents.points, axis=0).max()))}
     factor = UnitSystem.of(read.get("unit", "m")).length
@@ -203,10 +203,10 @@ def _opened(path: Path, read: Read, is_unknown: bool) -> tuple[FileMesh, Read]:
 
 def _ways_of(contents: FileMesh, is_geometry: bool, notes: list[str]) -> list[Read]:
     """Options of `read_mesh` to be tried in turn; adds to `notes` what they follow from."""
-    from antiosc.io.facets import CLOSED
+    from antiosc.io.facets import CLOSED_SURFACE_GROUP
 
     if not is_geometry:
-        return [{"solid": True}] if CLOSED in contents.groups else [{}]
+        return [{"solid": True}] if CLOSED_SURFACE_GROUP in contents.groups else [{}]
     solids = len(contents.pieces)
     if not solids:
         return [{}]

@@ -148,10 +148,10 @@ def _from_supports(x: Array, supported: BoolArray, points: Array) -> Array:
 
 def _outward(x: Array, faces: IntArray, normal: Array) -> Array:
     """`normal` (F, 3) with signs such that it points outward if a sheet is closed, else upward."""
-    from antiosc.io.facets import SIDES, oriented
+    from antiosc.io.facets import TRIANGLE_SIDES, oriented
 
     triangles = faces[:, :3]
-    ends = np.sort(np.concatenate([triangles[:, list(side)] for side in SIDES]), axis=1)
+    ends = np.sort(np.concatenate([triangles[:, list(side)] for side in TRIANGLE_SIDES]), axis=1)
     closed = (np.unique(ends, axis=0, return_counts=True)[1] == 2).all()
     if faces.shape[1] == 3 and closed:
         a, b, c = x[oriented(x, faces)[0]].transpose(1, 0, 2)

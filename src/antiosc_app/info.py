@@ -210,8 +210,8 @@ def _mpi() -> str:
 def _gmsh() -> str:
     """Version of gmsh, from another process: it would change the locale of this one."""
     code = (
-        "from antiosc.io.by_gmsh import session;"
-        "print(session().option.getString('General.Version'))"
+        "from antiosc.io.by_gmsh import quiet_session;"
+        "print(quiet_session().option.getString('General.Version'))"
     )
     program = [sys.executable, "-P", "-c", code]
     done = subprocess.run(program, capture_output=True, text=True, timeout=60, cwd="/")

@@ -11,7 +11,7 @@ from antiosc import Mesh, Structure
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
 from antiosc.extension import Faces, source, with_parts
-from antiosc.io.neutral import SIDES
+from antiosc.io.neutral import BOX_SIDES
 from antiosc_app.guessed import ON_PLANE, sides_of
 from antiosc_app.inspection import Inspection
 from antiosc_app.live import Data
@@ -57,7 +57,9 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
         owner[mask] = number
     if outer.sheet:
         groups |= {
-            f"edges at {side}": {"where": side} for side in SIDES if _has_unnamed_side(mesh, side)
+            f"edges at {side}": {"where": side}
+            for side in BOX_SIDES
+            if _has_unnamed_side(mesh, side)
         }
         masks = {
             name: _cells_touching(outer, mesh.group(held["where"])) for name, held in groups.items()
@@ -178,7 +180,7 @@ def _plane_name(look: Inspection) -> str:
     point, normal = np.array(look.plane)
     axis = int(np.abs(normal).argmax())
     is_low = point[axis] < (look.low[axis] + look.high[axis]) / 2
-    side = SIDES[2 * axis + (not is_low)]
+    side = BOX_SIDES[2 * axis + (not is_low)]
     return f"side {side} of the box{SIDE_WORDS.get(side, '')}"
 
 

@@ -137,7 +137,7 @@ class AbaqusDeck:
             deck.blocks.append(block.mapped(lambda table: np.where(table >= 0, table + nodes, -1)))
 
         for kind, row in mesh.others:
-            deck.left[kind] += 1
+            deck.skipped[kind] += 1
             self.others.append((kind, row, instance))
         deck.remarks += [sentence for sentence in mesh.remarks if sentence not in deck.remarks]
         for keyword, label, rows in mesh.sets:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from antiosc.io.conversion import Array, Block, IntArray
-from antiosc.io.neutral import CORNERS, EDGES, Term
+from antiosc.io.neutral import CORNERS, EDGES, MotionTerm
 from antiosc_decks.abaqus_assembly import NO_ROWS, AbaqusDeck
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_sections import Orientations
@@ -234,11 +234,11 @@ def read_joints(assembled: AbaqusDeck, joints: DeckConstraints, cards: Sequence[
             READERS[card.keyword](reader, card)
 
     for card in cards:
-        if card.keyword == "CONTACTPAIR" and not assembled.deck.apart:
+        if card.keyword == "CONTACTPAIR" and not assembled.deck.without_contact:
             reader.contact(card)
     reader.tell_contact()
 
-    assembled.deck.left = Counter({kind: n for kind, n in assembled.deck.left.items() if n})
+    assembled.deck.skipped = Counter({kind: n for kind, n in assembled.deck.skipped.items() if n})
 
 
 class _JointReader:
@@ -354,7 +354,7 @@ class _JointReader:
             for terms in self._expanded(words[: 3 * count], row):
                 self.joints.equation(terms, row.place)
 
-    def _expanded(self, words: list[str], row: Row) -> Iterator[list[Term]]:
+    def _expanded(self, words: list[str], row: Row) -> Iterator[list[MotionTerm]]:
         """Yield the equation, or one for each node of the set that a term names."""
         place = row.place
         triples = [words[k : k + 3] for k in range(0, len(words), 3)]
@@ -468,7 +468,7 @@ class _JointReader:
         card.needs(weighted, "*DISTRIBUTING COUPLING names no nodes with weights.")
         for kind, (reference, *_) in self.assembled.elements_of(card):
             self._mean(card, reference, range(6), nodes, node_weights)
-            self.assembled.deck.left[kind] -= 1
+            self.assembled.deck.skipped[kind] -= 1
 
     def _rigid(self, node: int, nodes: IntArray, motions: Motions, card: Card) -> None:
         """Let nodes follow a reference node in motions along the axes of ORIENTATION=."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import Array
-from antiosc.io.neutral import Model, Term, UnitSystem
+from antiosc.io.neutral import Model, MotionTerm, UnitSystem
 from antiosc_decks.abaqus_assembly import AbaqusDeck
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_joints import read_joints
@@ -119,7 +119,7 @@ def _add_points_and_links(
                 _link(builder, orientations, card, kind, nodes)
 
     counts["MASS"] += counts.pop("ROTARYINERTIA")
-    skipped = assembled.deck.left
+    skipped = assembled.deck.skipped
     for keyword, number in counts.items():
         kinds = [kind for kind in POINT_ELEMENTS[keyword][1] if kind in skipped]
         count = sum(skipped.pop(kind) for kind in kinds)
@@ -161,7 +161,7 @@ def _link(
     builder.link(card.label, quantity, terms, real_number(rows[0].word(0), place), place)
 
 
-def _along_motions(nodes: list[int], axes: Array, row: Row) -> list[Term]:
+def _along_motions(nodes: list[int], axes: Array, row: Row) -> list[MotionTerm]:
     """Terms of the motion of a node that `row` numbers along `axes`, or the difference of two."""
     dofs = [row.whole(k) - 1 for k in range(len(nodes))]
     is_valid = all(0 <= dof < 6 for dof in dofs)

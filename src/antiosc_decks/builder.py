@@ -11,7 +11,7 @@ from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.base.plausible import DENSITIES, MASSLESS_WAVE
 from antiosc.io.conversion import Array, Deck, IntArray
-from antiosc.io.neutral import Json, Term, UnitSystem
+from antiosc.io.neutral import Json, MotionTerm, UnitSystem
 from antiosc_decks.constraints import DeckConstraints, one_piece, separate_copies
 from antiosc_decks.entries import DeckPlace
 from antiosc_decks.properties import (
@@ -26,8 +26,8 @@ from antiosc_decks.properties import (
 
 def chosen_elements(deck: Deck, length: float) -> BoolArray:
     """Mask (n,) of the elements chosen by parts and by piece; `length`: metres per unit."""
-    selected = np.full(deck.n_elements, deck.wanted is None)
-    for name in deck.wanted or ():
+    selected = np.full(deck.n_elements, deck.wanted_parts is None)
+    for name in deck.wanted_parts or ():
         members = deck.element_sets.get(name, np.zeros(0, dtype=np.int64))
         if not len(members):
             known = sorted(n for n, rows in deck.element_sets.items() if len(rows))
@@ -230,7 +230,7 @@ class ModelBuilder:
 
     def fix(self, nodes: IntArray, motions: Sequence[int]) -> None:
         """Fix motions (0 to 5) of nodes, unless the supports of the deck are left out."""
-        if self.deck.free:
+        if self.deck.without_supports:
             return
         self.fixed[nodes[:, None], np.array(motions, dtype=np.int64)] = True
 
@@ -247,7 +247,9 @@ class ModelBuilder:
             for motion in range(6 if self.has_rotations[copy] else 3):
                 self.joints.equations.append([(copy, motion, 1.0), (node, motion, -1.0)])
 
-    def link(self, by: str, what: str, terms: list[Term], value: float, place: DeckPlace) -> None:
+    def link(
+        self, by: str, what: str, terms: list[MotionTerm], value: float, place: DeckPlace
+    ) -> None:
         """Add the spring (`what` "stiffness") or damper of the card `by`, in the deck's units.
 
         Terms of fixed motions and rounding errors of directions are left out.
@@ -283,10 +285,10 @@ class ModelBuilder:
             M[3:] = M[:, 3:] = 0.0
         nonzero = np.flatnonzero(M.any(axis=1))
         if len(nonzero):
-            rows: list[list[Term]] = [[(*motions[c], 1.0)] for c in nonzero]
+            rows: list[list[MotionTerm]] = [[(*motions[c], 1.0)] for c in nonzero]
             self.joints.masses.append((rows, M[np.ix_(nonzero, nonzero)], mass * self.units.mass))
 
-    def scalar_mass(self, terms: list[Term], value: float, mass: float) -> None:
+    def scalar_mass(self, terms: list[MotionTerm], value: float, mass: float) -> None:
         """Add a scalar mass on a sum of motions, in the deck's units; the total grows by `mass`."""
         unit = self.units.mass
         alias = self.joints.alias

@@ -7,33 +7,41 @@ from collections.abc import Sequence
 import numpy as np
 
 from antiosc.io.conversion import (
-    DIAGONALS,
+    HEXAHEDRON_DIAGONALS,
     Block,
     Deck,
     IntArray,
     NodeTable,
     PairTable,
-    divided,
-    listed,
+    counts_text,
+    mesh_of_deck,
 )
-from antiosc.io.neutral import CORNERS, DIMENSION, EDGES, FACES, FileMesh, of_kind, rectangles
+from antiosc.io.neutral import (
+    CORNERS,
+    DIMENSION,
+    EDGES,
+    FACES,
+    FileMesh,
+    fixed_group_name,
+    quadrilateral_faces,
+)
 
 
 def as_mesh(deck: Deck) -> FileMesh:
     """The elements of a deck as cells, its sets as groups, with its model."""
     model = deck.model
     if model is None:
-        mesh, nodes, kinds = divided(deck)
+        mesh, nodes, kinds = mesh_of_deck(deck)
     else:
         mixed = bool(model.get("mixed"))
-        mesh, nodes, kinds = divided(deck, halve_lines=bool(model["halve"]), mixed=mixed)
+        mesh, nodes, kinds = mesh_of_deck(deck, halve_lines=bool(model["halve"]), mixed=mixed)
     mesh.model = model
 
     # supports; but in an assembly cells of lower dimension are sides of the first
     is_assembly = bool(model and model["joined"])
     for label, shape, blocks in kinds[: None if is_assembly else 1] if deck.fixed else ():
         entities = FixedEntities(shape, mesh.cells[label], blocks, nodes)
-        mark = of_kind("", label) if is_assembly else ""
+        mark = fixed_group_name("", label) if is_assembly else ""
         mesh.fixed |= {name + mark: entities.of(rows) for name, rows in deck.fixed.items()}
 
     # new nodes beside those that joints hold
@@ -42,11 +50,11 @@ def as_mesh(deck: Deck) -> FileMesh:
         dependent = {terms[0][0] for terms in joints["equations"] if terms[0][0] >= 0}
         joints["among"] = _among(nodes, np.array(sorted(dependent), dtype=np.int64))
 
-    if deck.left:
-        gone = sum(deck.left.values())
+    if deck.skipped:
+        gone = sum(deck.skipped.values())
         mesh.remarks.append(
             f"{deck.name} holds {deck.n_elements + gone} elements; {deck.n_elements} of them are "
-            f"cells of the mesh, which leaves out {listed(deck.left)}."
+            f"cells of the mesh, which leaves out {counts_text(deck.skipped)}."
         )
     return mesh
 
@@ -108,9 +116,9 @@ def _around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) -> IntAr
     for block in blocks:
         ends = block.corners[:, np.array(EDGES[block.shape])].reshape(-1, 2)
         deck_edges.add(ends, np.ones(len(ends), dtype=np.int64))
-        needs = [((f[k], f[k + 2]), f) for f in rectangles(block.shape) for k in (0, 1)]
+        needs = [((f[k], f[k + 2]), f) for f in quadrilateral_faces(block.shape) for k in (0, 1)]
         if block.shape == "hexahedron":
-            needs += [(pair, tuple(range(8))) for pair in DIAGONALS]
+            needs += [(pair, tuple(range(8))) for pair in HEXAHEDRON_DIAGONALS]
         for pair, required in needs:
             table = np.full((len(block), 8), -1, dtype=np.int64)
             table[:, : len(required)] = block.corners[:, list(required)]

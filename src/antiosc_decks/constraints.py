@@ -18,8 +18,8 @@ import numpy as np
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.base.texts import piece_is_read
-from antiosc.io.conversion import Block, Deck, IntArray, listed
-from antiosc.io.neutral import Joints, Piece, Term, UnitSystem, connected
+from antiosc.io.conversion import Block, Deck, IntArray, counts_text
+from antiosc.io.neutral import Joints, MotionTerm, Piece, UnitSystem, connected_pieces
 from antiosc_decks.entries import DeckPlace
 from antiosc_decks.properties import AXIS_COSINE, fixed_along_axes
 
@@ -38,7 +38,7 @@ def lever(r: Array) -> Array:
     return np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
 
 
-def axis_terms(node: int, axis: Array, first: int, factor: float) -> list[Term]:
+def axis_terms(node: int, axis: Array, first: int, factor: float) -> list[MotionTerm]:
     """Terms of `factor` × displacement (`first` = 0) or rotation (3) of a node along an axis."""
     return [(node, first + c, factor * float(axis[c])) for c in range(3) if axis[c]]
 
@@ -51,13 +51,13 @@ class DeckConstraints:
     #: nodes of elements, and those of elements with rotations
     used: BoolArray
     has_rotations: BoolArray
-    equations: list[list[Term]] = field(default_factory=list)
+    equations: list[list[MotionTerm]] = field(default_factory=list)
     #: (terms, stiffness): springs between motions
-    springs: list[tuple[list[Term], float]] = field(default_factory=list)
+    springs: list[tuple[list[MotionTerm], float]] = field(default_factory=list)
     #: (terms, damping): dampers between motions
-    dampers: list[tuple[list[Term], float]] = field(default_factory=list)
+    dampers: list[tuple[list[MotionTerm], float]] = field(default_factory=list)
     #: masses on motions: (each motion as a list of terms, their mass matrix, total mass)
-    masses: list[tuple[list[list[Term]], Array, float]] = field(default_factory=list)
+    masses: list[tuple[list[list[MotionTerm]], Array, float]] = field(default_factory=list)
     #: (node, motion) -> (node, motion) it stands for: a rotation node moves as another node turns
     alias: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
     #: coordinates of points beyond the nodes of the deck
@@ -72,12 +72,12 @@ class DeckConstraints:
         count = len(self.deck.points)
         return self.deck.points[node] if node < count else self.more[node - count]
 
-    def equation(self, terms: Iterable[Term], place: DeckPlace) -> None:
+    def equation(self, terms: Iterable[MotionTerm], place: DeckPlace) -> None:
         """Add Σ coefficient × motion = 0; motions of nodes with local axes are along these."""
         components = ((c, *component) for n, m, c in terms for component in self._along_axes(n, m))
         self._sum_is_zero([(*motion, c * value) for c, motion, value in components], place)
 
-    def _sum_is_zero(self, terms: Iterable[Term], place: DeckPlace) -> None:
+    def _sum_is_zero(self, terms: Iterable[MotionTerm], place: DeckPlace) -> None:
         """Add Σ coefficient × motion = 0, all motions along x, y, z."""
         total: dict[tuple[int, int], float] = {}
         for node, motion, coefficient in terms:
@@ -115,7 +115,7 @@ class DeckConstraints:
 
     def elongation(
         self, a: int, b: int, place: DeckPlace, first: int = 0
-    ) -> tuple[list[Term], float]:
+    ) -> tuple[list[MotionTerm], float]:
         """(terms of the elongation, or if `first` is 3 of the twist, of a line; its length)."""
         line = self.place(b) - self.place(a)
         length = float(np.linalg.norm(line))
@@ -252,7 +252,7 @@ class DeckConstraints:
                 terms += [(int(nodes[p]), 3 + k, -float(spin[p, k])) for p, k in pairs if spins[p]]
                 self._sum_is_zero(terms, place)
 
-    def keep(self, stays: Callable[[list[Term]], bool]) -> int:
+    def keep(self, stays: Callable[[list[MotionTerm]], bool]) -> int:
         """Remove constraints, springs, dampers, masses whose terms fail `stays`; count these."""
         count_before = len(self.all_terms())
         self.equations = [terms for terms in self.equations if stays(terms)]
@@ -265,7 +265,7 @@ class DeckConstraints:
         """The nodes without elements and the added points on which constraints or springs act."""
         return sorted({n for terms in self.all_terms() for n, _, _ in terms if not self._used(n)})
 
-    def all_terms(self, dampers: bool = True) -> list[list[Term]]:
+    def all_terms(self, dampers: bool = True) -> list[list[MotionTerm]]:
         """The terms of all constraints, springs, masses, and (if `dampers`) dampers."""
         masses = [terms for rows, _, _ in self.masses for terms in rows]
         sprung = [*self.springs, *(self.dampers if dampers else ())]
@@ -277,7 +277,7 @@ class DeckConstraints:
         loose_nodes = self.loose()
         number = {node: -1 - k for k, node in enumerate(loose_nodes)}
 
-        def scaled(terms: list[Term]) -> list[Term]:
+        def scaled(terms: list[MotionTerm]) -> list[MotionTerm]:
             return [(number.get(n, n), m, c * (length if m >= 3 else 1.0)) for n, m, c in terms]
 
         return {
@@ -327,7 +327,7 @@ def one_piece(deck: Deck, chosen: BoolArray, length: float) -> BoolArray:
     from antiosc.io.reading import described_pieces  # with scipy, for pieces alone
 
     tables = [block.corners[chosen[rows]] for block, rows in deck.numbered()]
-    label = connected(tables, len(deck.points))
+    label = connected_pieces(tables, len(deck.points))
     label = label[np.concatenate([NO_NODES, *(block.corners[:, 0] for block in deck.blocks)])]
     pieces, count = np.unique(label[chosen], return_counts=True)
     rank = deck.piece or 1
@@ -358,7 +358,7 @@ def _piece(deck: Deck, chosen: BoolArray, members: BoolArray) -> Piece:
 
 
 def count_pieces(
-    deck: Deck, x: Array, moves: BoolArray, fixed: BoolArray, rows: Sequence[list[Term]]
+    deck: Deck, x: Array, moves: BoolArray, fixed: BoolArray, rows: Sequence[list[MotionTerm]]
 ) -> tuple[int, bool]:
     """(number of pieces that nothing joins, whether there are several and each is supported).
 
@@ -369,7 +369,7 @@ def count_pieces(
     tables += [np.array([[node for node, _, _ in terms]]) for terms in rows if terms]
     nodes = np.unique(np.concatenate([NO_NODES, *(t.ravel() for t in tables)]))
     nodes = nodes[nodes >= 0]
-    pieces = np.unique(connected(tables, len(x))[nodes], return_inverse=True)[1]
+    pieces = np.unique(connected_pieces(tables, len(x))[nodes], return_inverse=True)[1]
     count = int(pieces.max(initial=0)) + 1
     if count < 2:
         return count, False
@@ -428,7 +428,7 @@ def separate_copies(deck: Deck) -> list[tuple[int, int]]:
                     table[element, k] = new.setdefault(key, len(deck.points) + len(new))
     if new:
         deck.points = np.vstack([deck.points, deck.points[[node for node, _ in new]]])
-        repeated = listed({kind: count for kind, count in copies.items() if count})
+        repeated = counts_text({kind: count for kind, count in copies.items() if count})
         message = f"{repeated} of {deck.name} repeat other elements node by node"
         deck.remarks.append(f"{message}: their stiffness and mass add to those of these.")
     return [(copy, node) for (node, _), copy in new.items()]

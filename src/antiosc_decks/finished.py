@@ -13,7 +13,7 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import Deck, folded
-from antiosc.io.neutral import DIMENSION, EDGES, Json, Model, Term, connected
+from antiosc.io.neutral import DIMENSION, EDGES, Json, Model, MotionTerm, connected_pieces
 from antiosc_decks.builder import MOTIONS, GroupSection, ModelBuilder
 from antiosc_decks.constraints import count_pieces
 from antiosc_decks.entries import DeckPlace
@@ -195,7 +195,7 @@ def _drop_free_followers(builder: ModelBuilder) -> None:
     other += [terms for rows, _, _ in joints.masses for terms in rows]
     loaded = {n for terms in other for n, _, _ in terms} | {entry[0] for entry in builder.masses}
     loaded |= set(np.flatnonzero(builder.used | builder.fixed.any(axis=1)).tolist())
-    equations: dict[int, list[list[Term]]] = {}
+    equations: dict[int, list[list[MotionTerm]]] = {}
     for terms in joints.equations:
         nodes = {n for n, _, _ in terms}
         points = nodes - loaded
@@ -217,7 +217,7 @@ def _drop_unconnected(builder: ModelBuilder) -> None:
     joints = builder.joints
     used = builder.used
     node_rows = [np.array([[n for n, *_ in terms]]) for terms in joints.all_terms() if terms]
-    label = connected(node_rows, len(used) + len(joints.more))
+    label = connected_pieces(node_rows, len(used) + len(joints.more))
     is_connected = np.isin(label, label[: len(used)][used])
 
     def moves(node: int) -> bool:

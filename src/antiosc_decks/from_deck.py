@@ -46,16 +46,16 @@ from antiosc.extension import (
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.platform import collective, on_root, warn
 from antiosc.io.neutral import (
-    CELLS,
+    CELL_TYPES,
     DIMENSION,
     FileMesh,
     Model,
     Piece,
     RawMesh,
     UnitSystem,
-    of_kind,
+    fixed_group_name,
 )
-from antiosc.io.reading import content_of, pieces_error, selected
+from antiosc.io.reading import file_content, pieces_error, selected_mesh
 from antiosc_decks.shared_nodes import NodeConstraints, SharedNodes
 
 
@@ -322,7 +322,7 @@ def _families(raw: RawMesh, strength: Strength) -> dict[str, Family]:
 
 def _only_kind(content: FileMesh, label: str) -> FileMesh:
     """A deck with the cells of the kind `label` alone, their groups and the supports on them."""
-    mark = of_kind("", label)
+    mark = fixed_group_name("", label)
     groups = {n: {label: parts[label]} for n, parts in content.groups.items() if label in parts}
     fixed = {n.removesuffix(mark): e for n, e in content.fixed.items() if n.endswith(mark)}
     return replace(content, cells={label: content.cells[label]}, groups=groups, fixed=fixed)
@@ -370,13 +370,13 @@ def _reader(
 
     def work() -> dict[str, RawMesh]:
         meshes: dict[str, RawMesh] = {}
-        content = content_of(file, timeout, units, merge, model=options)
+        content = file_content(file, timeout, units, merge, model=options)
         whole = [content]
         if content.model is not None and content.model["joined"]:
-            labels = sorted(content.cells, key=lambda label: -DIMENSION[CELLS[label][0]])
+            labels = sorted(content.cells, key=lambda label: -DIMENSION[CELL_TYPES[label][0]])
             whole = [_only_kind(content, label) for label in labels]
 
-        for raw in (selected(one, None, None, file.name) for one in whole):
+        for raw in (selected_mesh(one, None, None, file.name) for one in whole):
             model = _model(raw)
             flat = flattened(raw, model["gdim"], file.name)
             if model["joined"] and model["pieces"] > 1 and not model["held"] and merge is None:

@@ -31,9 +31,9 @@ from antiosc.io.matrices import (
     Entries,
     MatrixFile,
     MatrixFormat,
-    fortran,
+    entries_by_labels,
     is_text,
-    of_labels,
+    with_plain_exponents,
 )
 from antiosc_decks.nastran_cards import fields_of
 
@@ -70,7 +70,9 @@ def read_dmig(source: MatrixFile) -> dict[str, Entries]:
     source.needs(tables, 1, "the file has no DMIG card.")
     source.needs(any(tables.values()), 1, f"the DMIG matrices {', '.join(tables)} have no entries.")
     return {
-        name: of_labels(f"{source.name} ({name})", np.array(rows), forms[name] == SYMMETRIC_FORM)
+        name: entries_by_labels(
+            f"{source.name} ({name})", np.array(rows), forms[name] == SYMMETRIC_FORM
+        )
         for name, rows in tables.items()
         if rows
     }
@@ -127,7 +129,7 @@ def _label(source: MatrixFile, number: int, words: list[str]) -> tuple[int, int]
 def _number(source: MatrixFile, number: int, text: str) -> float:
     """A real number of a DMIG field."""
     try:
-        return float(fortran(text.encode()))
+        return float(with_plain_exponents(text.encode()))
     except ValueError:
         raise source.error(number, f"a number is expected; got {text!r}.") from None
 
@@ -218,7 +220,9 @@ def _fields(
         if len(fields) != count:  # no blank between some of them
             fields = [lines[k][i * width : (i + 1) * width] for i in range(count)]
         try:
-            values[count_read : count_read + count] = [float(fortran(field)) for field in fields]
+            values[count_read : count_read + count] = [
+                float(with_plain_exponents(field)) for field in fields
+            ]
         except ValueError:
             line_text = lines[k].decode("ascii", "replace").strip()[:60]
             raise source.error(k + 1, f"{count} numbers are expected; got {line_text!r}.") from None
@@ -403,7 +407,7 @@ class _Binary:
     def __init__(self, source: MatrixFile) -> None:
         markers = _markers(source.content)
         if markers is None:
-            raise source.at_byte(0, "the record marker of an OP4 header is expected.")
+            raise source.error_at_byte(0, "the record marker of an OP4 header is expected.")
         self._order, self._size = markers
         self._source = source
         self._at = 0
@@ -430,7 +434,7 @@ class _Binary:
         offset = self._at
         self._start = offset
         if offset + 4 > len(content):
-            raise self._source.at_byte(len(content), "the file ends within a matrix.")
+            raise self._source.error_at_byte(len(content), "the file ends within a matrix.")
         (length,) = struct.unpack_from(self._order + "i", content, offset)
         if length < 0 or offset + 8 + length > len(content):
             raise self.bad(f"the file ends within a record of {length} bytes")
@@ -460,7 +464,7 @@ class _Binary:
 
     def bad(self, text: str) -> InputError:
         """The error of the current record, with the sentence `text`."""
-        return self._source.at_byte(self._start, f"{text}.")
+        return self._source.error_at_byte(self._start, f"{text}.")
 
 
 OP4 = MatrixFormat(is_op4, read_op4)

@@ -340,7 +340,7 @@ def _elements(deck: NastranDeck) -> None:
         cell = CELLS.get(entry.name)
         if cell is None:
             if cards.is_other(entry.name):
-                deck.deck.left[entry.name] += 1
+                deck.deck.skipped[entry.name] += 1
             continue
         corners = CORNERS[cell.shape]
         blank = None if cell.role in ("beam", "rod") else 0  # 0: left out

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from antiosc.io.conversion import Array
-from antiosc.io.neutral import Model, Term, UnitSystem
+from antiosc.io.neutral import Model, MotionTerm, UnitSystem
 from antiosc_decks import nastran_beams as beams
 from antiosc_decks.builder import ModelBuilder, Unstated
 from antiosc_decks.constraints import axis_terms, lever
@@ -145,7 +145,7 @@ class NastranJoints:
 
     def _mpc(self, entry: Entry) -> None:
         """MPC: a linear constraint between motions."""
-        terms: list[Term] = []
+        terms: list[MotionTerm] = []
         for start in range(1, len(entry.fields), 8):
             for k in (start, start + 3):
                 if entry.text(k):
@@ -170,7 +170,7 @@ class NastranJoints:
                 if name == "PELAS" and property_entry.real(2):
                     builder.tell_once(f"GE of PELAS {property_entry.text(0)}")
             ends = self.nastran.scalar_ends(entry)
-            terms: list[Term] = []
+            terms: list[MotionTerm] = []
             for (row, motion), sign in zip(ends, (1.0, -1.0), strict=False):
                 axis = self.nastran.frame(row, entry.place)[motion % 3]
                 first = 3 * (motion // 3)
@@ -209,7 +209,7 @@ class NastranJoints:
         for k in np.flatnonzero(is_active):
             axis = axes[k % 3]
             first = 3 * (int(k) // 3)
-            terms: list[Term] = []
+            terms: list[MotionTerm] = []
             for row, end_point, sign in zip(rows, x, (1.0, -1.0), strict=False):
                 arm = np.cross(place - end_point, axis) if not first else np.zeros(3)
                 distance = float(np.linalg.norm(place - end_point))
@@ -328,7 +328,7 @@ def model_of(deck: NastranDeck, units: UnitSystem, unstated: Unstated) -> Model:
     autospc = deck.parameter("AUTOSPC")
     if builder.truss and not (autospc and autospc.text(1).upper() == "NO"):
         hold_without_stiffness(builder)
-    deck.deck.left.clear()
+    deck.deck.skipped.clear()
     builder.ignored += deck.account.ignored()
     return finished(builder)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from antiosc.base.errors import MeshError
-from antiosc.io.conversion import listed
+from antiosc.io.conversion import counts_text
 from antiosc.io.isolation import FileReader, Request
 from antiosc.io.neutral import FileMesh, Model, UnitSystem
 from antiosc_decks import abaqus_assembly, abaqus_model, nastran_mesh, nastran_model
@@ -25,21 +25,21 @@ def _reader(
 
     def reader(ask: Request) -> FileMesh:
         def allow(size: int) -> None:  # the time limit grows with the files that a deck includes
-            ask.allow(30 + 3e-5 * size)
+            ask.limit_time(30 + 3e-5 * size)
 
         options = ask.model or {}
         deck_and_model = read(Sources(Path(ask.path), ask.name, allow, options.get("root")))
         deck = deck_and_model.deck
         if ask.model is not None:
-            deck.wanted = options.get("parts")
+            deck.wanted_parts = options.get("parts")
             deck.piece = options.get("piece")
-            deck.free = options.get("free", False)
-            deck.apart = deck.piece is not None or options.get("contact") == "apart"
+            deck.without_supports = options.get("free", False)
+            deck.without_contact = deck.piece is not None or options.get("contact") == "apart"
             unstated = Unstated(*options["unstated"])
             deck.model = model_of(deck_and_model, UnitSystem(*ask.unit), unstated)
 
         if not deck.n_elements:
-            beside = f": it has {listed(deck.left)}" if deck.left else ""
+            beside = f": it has {counts_text(deck.skipped)}" if deck.skipped else ""
             none = f"{deck.name} has no elements of solids, shells, beams or rods{beside}"
             raise MeshError(f"{none}; read the deck that holds the part itself.")
 

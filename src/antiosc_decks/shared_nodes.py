@@ -27,7 +27,7 @@ from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
-from antiosc.io.neutral import Term
+from antiosc.io.neutral import MotionTerm
 
 #: Columns and values of a row of a matrix.
 Row = tuple[IntArray, Array]
@@ -122,7 +122,7 @@ class Nodes:
         noun = "rotation of the node" if rotations else "node"
         raise InputError(f"a constraint acts on the {noun} {number}, which no part has.")
 
-    def functionals(self, equations: Sequence[Sequence[Term]]) -> Sparse:
+    def functionals(self, equations: Sequence[Sequence[MotionTerm]]) -> Sparse:
         """Σ coefficient × motion as a matrix over the dofs, one row for each list of terms."""
         count = len(equations)
         layout = self.layout
@@ -153,7 +153,7 @@ class Nodes:
             result = result + selection @ motions
         return result.tocsr()
 
-    def dof(self, term: Term) -> int:
+    def dof(self, term: MotionTerm) -> int:
         """The dof that equals a node's motion; -1 if the motion depends on several dofs."""
         columns, _ = self.single(term[0], term[1])
         return int(columns[0]) if len(columns) == 1 else -1
@@ -205,7 +205,7 @@ class DofsBetween:
     def __init__(
         self,
         nodes: Nodes,
-        equations: Sequence[Sequence[Term]],
+        equations: Sequence[Sequence[MotionTerm]],
         functionals: Sparse,
         among: Among,
     ) -> None:
@@ -515,18 +515,18 @@ class NodeConstraints(Joint):
     """Constraints Σ coefficient × motion = 0, springs, dampers and masses on nodes of a deck."""
 
     #: terms of each constraint; the first is the dependent motion
-    equations: Sequence[Sequence[Term]]
+    equations: Sequence[Sequence[MotionTerm]]
     #: (terms of a relative motion, stiffness in N/m)
-    springs: Sequence[tuple[Sequence[Term], float]]
+    springs: Sequence[tuple[Sequence[MotionTerm], float]]
     points: Sequence[str]  # names of the reference points in the order of their numbers
     #: part -> number of each node of its mesh, in the order in which they were read
     numbers: Mapping[str, IntArray]
     #: (terms of each of k motions, their mass matrix (k, k), kg)
-    masses: Sequence[tuple[Sequence[Sequence[Term]], ArrayLike, float]] = ()
+    masses: Sequence[tuple[Sequence[Sequence[MotionTerm]], ArrayLike, float]] = ()
     #: as in `Joints`
     among: Mapping[int, Sequence[tuple[int, float]]] = field(default_factory=dict)
     #: (terms of a relative motion, damping in N s/m)
-    dampers: Sequence[tuple[Sequence[Term], float]] = ()
+    dampers: Sequence[tuple[Sequence[MotionTerm], float]] = ()
     name: str | None = "constraints of the deck"
 
     def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:

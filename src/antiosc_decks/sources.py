@@ -171,7 +171,9 @@ class Account:
         left: list[tuple[str, DeckPlace, Fate]] = []
         for name, place, fate in [*self.cards, *self.options]:
             between = name.replace(" ", "") in contact
-            if deck.apart and (name == "*CONTACT PAIR" or (between and fate.kind == "refused")):
+            if deck.without_contact and (
+                name == "*CONTACT PAIR" or (between and fate.kind == "refused")
+            ):
                 left.append((name, place, Fate("refused")))
                 continue
             if fate.kind != "refused":

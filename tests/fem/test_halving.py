@@ -11,7 +11,7 @@ from antiosc.fem.mesh.finer import halved
 from antiosc.fem.mesh.reading import sound
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.io.neutral import KINDS, RawMesh
+from antiosc.io.neutral import CELL_KINDS, RawMesh
 from antiosc.reduce.error.division import finer
 from parts import gmsh_cube
 
@@ -23,7 +23,7 @@ SHEAR = np.array([[1.0, 0.3, 0.1], [0.0, 0.8, 0.2], [0.0, 0.0, 1.3]])
 
 def one_cell(shape: str, order: int, bend: float = 0.0) -> RawMesh:
     """One cell as a mesh, all facets of it a group; its second-order sides are bent by `bend`."""
-    kind = next(k for k in KINDS.values() if (k.shape, k.order) == (shape, order))
+    kind = next(k for k in CELL_KINDS.values() if (k.shape, k.order) == (shape, order))
     cell = getattr(basix.CellType, shape)
     corners = np.asarray(basix.geometry(cell))
     nodes = [corners[k] for k in range(len(corners))]

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from antiosc.fem import structure
-from antiosc.io.matrices import dof_map, rows_of
+from antiosc.io.matrices import dof_map, supported_rows
 from matrix_writers import dmig, matrix_market, sierra, sierra_map, spring_frame
 from refusals import refused
 
@@ -270,7 +270,7 @@ def test_the_rows_of_a_map(case, tmp_path):
     expected = [[0.5, 0, 0], [0.5, 0, 0], [1, 2, 3]] if found.located else np.full((3, 3), np.nan)
     np.testing.assert_array_equal(found.points, expected)
     assert found.row(10, 2) == 1
-    assert rows_of({20: "all", 10: ["uy"]}, found).tolist() == [1, 2]
+    assert supported_rows({20: "all", 10: ["uy"]}, found).tolist() == [1, 2]
 
 
 WRONG_MAPS = {

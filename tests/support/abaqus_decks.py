@@ -50,7 +50,7 @@ def read(
     path = folder / "part.inp"
     path.write_text(text)
     whole = abaqus_assembly.read(Sources(path, path.name))
-    whole.deck.wanted = parts
+    whole.deck.wanted_parts = parts
     model = abaqus_model.model_of(whole, UnitSystem.of("mm"), Unstated(density, modulus))
     return json.loads(json.dumps(model)), whole.deck
 

@@ -25,12 +25,12 @@ _parent: subprocess.Popen[bytes] | None = None
 
 
 def ask(request: dict[str, Any]) -> tuple[int, bytes]:
-    """(exit code, response) of a reading process; stands for `antiosc.io.isolation._ask`."""
-    from antiosc.io.isolation import ENVIRONMENT
+    """(exit code, response) of a reading process; stands for `antiosc.io.isolation._run_reader`."""
+    from antiosc.io.isolation import READER_ENVIRONMENT
 
     global _parent
     path = [os.path.abspath(p) for p in sys.path if p]
-    environment = {name: os.environ[name] for name in ENVIRONMENT if name in os.environ}
+    environment = {name: os.environ[name] for name in READER_ENVIRONMENT if name in os.environ}
     environment |= {"LC_ALL": "C.UTF-8", "OPENBLAS_NUM_THREADS": "1"}
     with _lock, tempfile.TemporaryDirectory() as folder:
         Path(folder, "request").write_text(json.dumps({**request, "sys_path": path}))

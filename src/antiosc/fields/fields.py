@@ -52,7 +52,7 @@ from antiosc.impact.histories.factors import (
     unit_energy_factors,
 )
 from antiosc.impact.histories.parts import BodyHistory
-from antiosc.io.neutral import CELLS, CORNERS, DIMENSION, FACES, outer_facets
+from antiosc.io.neutral import CELL_TYPES, CORNERS, DIMENSION, FACES, outer_facets
 from antiosc.models.modal import superposed
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors
@@ -82,7 +82,7 @@ def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
     """Corners of the outer faces of cells: (F, 3 or 4); (F, 2) of lines, (F, 1) of lone nodes."""
     faces: list[IntArray] = []
     for kind, cells in blocks:
-        shape = CELLS[kind][0]
+        shape = CELL_TYPES[kind][0]
         if DIMENSION[shape] == 3:
             faces.append(outer_facets(cells, FACES[shape]))
         else:

@@ -2,7 +2,7 @@
 
 gmsh executes a file as a script if it does not begin like a mesh, and it reads options from files
 in the same folder. Therefore gmsh gets a copy under a fixed name in an empty folder, after a check
-of the first line of a mesh, or of the words of a script (`harmless`). CAD files have units,
+of the first line of a mesh, or of the words of a script (`checked_script`). CAD files have units,
 assemblies, and names of their solids, faces and holes; `facets` knows closed surfaces of triangles.
 """
 
@@ -25,55 +25,57 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableError
 from antiosc.base.texts import percent, piece_is_read
 from antiosc.io import facets
-from antiosc.io.conversion import as_carried, known
-from antiosc.io.isolation import AROUND, Request, harmless
+from antiosc.io.conversion import known_kind, with_supported_kinds
+from antiosc.io.isolation import ELEMENTS_PER_TURN, Request, checked_script
 from antiosc.io.neutral import (
-    CELLS,
+    CELL_TYPES,
     CORNERS,
     EDGES,
+    EntityNames,
     FileMesh,
     IntArray,
-    Names,
     Piece,
-    connected,
-    joined,
-    rectangles,
+    connected_pieces,
+    joined_groups,
+    quadrilateral_faces,
 )
 
 #: Endings of CAD files, and those of files that state the unit of their coordinates.
-CAD = (".step", ".stp", ".brep", ".iges", ".igs")
-STATES_UNIT = (".step", ".stp", ".iges", ".igs")
+CAD_ENDINGS = (".step", ".stp", ".brep", ".iges", ".igs")
+ENDINGS_WITH_UNIT = (".step", ".stp", ".iges", ".igs")
 #: Name of a numbered face.
-FACE = re.compile(r"face \d+")
+NUMBERED_FACE = re.compile(r"face \d+")
 #: Labels that programs write by themselves.
-NO_NAME = re.compile(r"Shapes|SOLID|SHELL|COMPOUND|FACE|NONE|=>\[.*\]|Open CASCADE .*|Unnamed.*|")
+AUTOMATIC_LABEL = re.compile(
+    r"Shapes|SOLID|SHELL|COMPOUND|FACE|NONE|=>\[.*\]|Open CASCADE .*|Unnamed.*|"
+)
 #: Radii, axes and angles that differ by this share are equal.
-EQUAL_WITHIN = 1e-3
+CYLINDER_TOLERANCE = 1e-3
 #: What is said of a CAD file without shapes, and of a STEP file that says so of itself.
-NO_SHAPES = (
+NO_SHAPES_REASON = (
     "it holds no shapes, as an assembly whose parts are files of their own; open one of these, or "
     "write the assembly with its parts in one file"
 )
-ANALYSIS, NO_ANALYSIS = (
+ANALYSIS_SCHEMA, ANALYSIS_REASON = (
     b"AP209",
     "it holds an analysis (STEP AP209), not the shape of a part; write the mesh as a deck of "
     "Nastran or Abaqus, or the shape as STEP AP203, AP214 or AP242",
 )
 #: Size requested from gmsh over the required one, since its edges are up to 1.9 times longer.
-REQUESTED_SIZE = 0.5
+GMSH_SIZE_FACTOR = 0.5
 #: More cells than this are refused: gmsh would need some 20 GB.
 MOST_CELLS = 10_000_000
 #: Processor time [s] that a mesh may take, besides 2 ms a cell.
-MESHING_TIME = 120.0
+MESHING_TIME_LIMIT = 120.0
 #: Least size of elements by the curvature over the one that is asked for.
-LEAST_SIZE = 0.02
+LEAST_CURVATURE_SIZE = 0.02
 #: Share of the volume by which a mesh may differ without a word, and words of what is told.
-VOLUME_TOLERANCE, CUT = 5e-3, "elements cut off bends and holes"
+VOLUME_TOLERANCE, CORNERS_CUT_PHRASE = 5e-3, "elements cut off bends and holes"
 #: Number of regular simplices with edges of length 1 per unit of length, area or volume.
-CELLS_PER_SIZE = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
+REGULAR_CELL_DENSITY = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
 
 
-def opened_cad(gmsh: ModuleType, path: str) -> float:
+def open_cad(gmsh: ModuleType, path: str) -> float:
     """Open a file in gmsh; returns the unit of the coordinates that gmsh gives [m]."""
     iges = path.endswith((".iges", ".igs"))
     gmsh.option.setString("Geometry.OCCTargetUnit", "" if iges else "M")
@@ -81,36 +83,36 @@ def opened_cad(gmsh: ModuleType, path: str) -> float:
     return 1e-3 if iges else 1.0
 
 
-def names_of(gmsh: ModuleType, ask: Request, scale: float) -> Names:
-    """Names of solids, faces and holes of a CAD file, its solids cut or selected as `ask` says."""
+def entity_names(gmsh: ModuleType, request: Request, scale: float) -> EntityNames:
+    """Names of solids, faces and holes of a CAD file; its solids are cut or selected first."""
     names = _labels(gmsh, 3)
-    if ask.fragments:
-        names = _cut_solids(gmsh, names, ask.name)
-    elif ask.piece is not None:
-        _remove_other_solids(gmsh, ask.piece, ask.name)
+    if request.fragments:
+        names = _cut_solids(gmsh, names, request.name)
+    elif request.piece is not None:
+        _remove_other_solids(gmsh, request.piece, request.name)
     solids = gmsh.model.getEntities(3)
     return {s: names[s] for s in solids if s in names} | face_names(gmsh, scale)
 
 
-def in_order(names: Iterable[str]) -> list[str]:
+def naturally_sorted(names: Iterable[str]) -> list[str]:
     """Names sorted alphabetically and by the numbers in them; "face 1", "face 2", … come last."""
 
     def key(name: str) -> list[tuple[float, str]]:
         words = re.split(r"(\d+(?:\.\d+)?)", name)
         return [(float(word), "") if k % 2 else (0.0, word) for k, word in enumerate(words)]
 
-    return sorted(names, key=lambda name: (bool(FACE.fullmatch(name)), key(name)))
+    return sorted(names, key=lambda name: (bool(NUMBERED_FACE.fullmatch(name)), key(name)))
 
 
 def _label(gmsh: ModuleType, entity: tuple[int, int]) -> str:
     """The name in a label such as "Shapes/assembly/nut_1/nut"; "" for names made by programs."""
     parts = [part.strip() for part in gmsh.model.getEntityName(*entity).split("/")]
-    return next((part for part in reversed(parts) if not NO_NAME.fullmatch(part)), "")
+    return next((part for part in reversed(parts) if not AUTOMATIC_LABEL.fullmatch(part)), "")
 
 
-def _labels(gmsh: ModuleType, dim: int) -> Names:
+def _labels(gmsh: ModuleType, dim: int) -> EntityNames:
     """Names of the entities of dimension `dim`: their labels, numbered where several are equal."""
-    names: Names = {}
+    names: EntityNames = {}
     counts: dict[str, int] = {}
     for entity in gmsh.model.getEntities(dim):
         label = _label(gmsh, entity)
@@ -123,7 +125,7 @@ def _labels(gmsh: ModuleType, dim: int) -> Names:
 # --- Solids ---------------------------------------------------------------------------------------
 
 
-def _cut_solids(gmsh: ModuleType, names: Names, name: str) -> Names:
+def _cut_solids(gmsh: ModuleType, names: EntityNames, name: str) -> EntityNames:
     """Cut the solids at each other; returns the names of the pieces, from those of the solids."""
     solids = gmsh.model.getEntities(3)
     if len(solids) < 2:
@@ -132,14 +134,14 @@ def _cut_solids(gmsh: ModuleType, names: Names, name: str) -> Names:
     _, pieces = gmsh.model.occ.fragment(solids, [], removeObject=True, removeTool=True)
     gmsh.model.occ.synchronize()
 
-    cut: Names = {}
+    cut: EntityNames = {}
     for entity, pieces_of_solid in zip(solids, pieces, strict=False):
         for piece in pieces_of_solid:
             cut.setdefault(piece, []).extend(names.get(entity, []))
     return cut
 
 
-def largest_first(gmsh: ModuleType) -> list[tuple[int, int]]:
+def solids_by_volume(gmsh: ModuleType) -> list[tuple[int, int]]:
     """The solids (dimension, tag) by descending volume; those made of facets in gmsh's order."""
     solids = list(gmsh.model.getEntities(3))
     volumes = {solid: gmsh.model.occ.getMass(*solid) for solid in gmsh.model.occ.getEntities(3)}
@@ -148,7 +150,7 @@ def largest_first(gmsh: ModuleType) -> list[tuple[int, int]]:
 
 def _remove_other_solids(gmsh: ModuleType, piece: int, name: str) -> None:
     """Remove all solids but the `piece`-th largest; a file without solids stays as it is."""
-    solids = largest_first(gmsh)
+    solids = solids_by_volume(gmsh)
     if piece > len(solids) > 0:
         raise MeshError(f"{name} has {len(solids)} solids; there is no piece {piece}.")
     gmsh.model.occ.remove(solids[: piece - 1] + solids[piece:], recursive=True)
@@ -158,12 +160,12 @@ def _remove_other_solids(gmsh: ModuleType, piece: int, name: str) -> None:
 # --- Faces ----------------------------------------------------------------------------------------
 
 
-def face_names(gmsh: ModuleType, scale: float) -> Names:
+def face_names(gmsh: ModuleType, scale: float) -> EntityNames:
     """Names of the outer faces: "face <tag>", the file's labels, and names of their holes."""
     faces = gmsh.model.getEntities(2)
     if gmsh.model.getEntities(3):
         faces = [face for face in faces if len(gmsh.model.getAdjacencies(*face)[0]) == 1]
-    names: Names = {face: [f"face {face[1]}"] for face in faces}
+    names: EntityNames = {face: [f"face {face[1]}"] for face in faces}
 
     # some programs give every face the name of its solid, which names none of them
     of_solids = {_label(gmsh, solid) for solid in gmsh.model.getEntities(3)}
@@ -194,10 +196,15 @@ class Cylinder(NamedTuple):
     def continues(self, other: Cylinder) -> bool:
         """Whether both cylinders have a common edge, one axis and one radius: parts of one hole."""
         aside = np.linalg.norm(np.cross(self.middle - other.middle, self.axis))
-        parallel = abs(float(self.axis @ other.axis)) > 1 - EQUAL_WITHIN
-        same_radius = abs(self.radius - other.radius) < EQUAL_WITHIN * self.radius
+        parallel = abs(float(self.axis @ other.axis)) > 1 - CYLINDER_TOLERANCE
+        same_radius = abs(self.radius - other.radius) < CYLINDER_TOLERANCE * self.radius
         beside = bool(self.edges & other.edges)
-        return beside and parallel and same_radius and bool(aside < 10 * EQUAL_WITHIN * self.radius)
+        return (
+            beside
+            and parallel
+            and same_radius
+            and bool(aside < 10 * CYLINDER_TOLERANCE * self.radius)
+        )
 
 
 def _holes(
@@ -206,12 +213,14 @@ def _holes(
     """Yield (name as "hole 6 mm (1)", faces) of each hole: coaxial faces over a full turn."""
     hollow = [c for face in faces if (c := _hollow_cylinder(gmsh, face))]
     pairs = [(i, j) for j, c in enumerate(hollow) for i in range(j) if c.continues(hollow[i])]
-    label = connected([np.array(pairs, dtype=np.int64).reshape(-1, 2)], len(hollow))
+    label = connected_pieces([np.array(pairs, dtype=np.int64).reshape(-1, 2)], len(hollow))
     holes = [[c for c, k in zip(hollow, label, strict=True) if k == hole] for hole in set(label)]
 
     by_size: dict[str, list[list[Cylinder]]] = {}
     for hole in holes:
-        if sum(cylinder.angle for cylinder in hole) > 2 * np.pi * (1 - EQUAL_WITHIN):  # a full turn
+        if sum(cylinder.angle for cylinder in hole) > 2 * np.pi * (
+            1 - CYLINDER_TOLERANCE
+        ):  # a full turn
             size = f"hole {2e3 * scale * hole[-1].radius:.4g} mm"
             by_size.setdefault(size, []).append(hole)
 
@@ -246,35 +255,37 @@ def _hollow_cylinder(gmsh: ModuleType, face: tuple[int, int]) -> Cylinder | None
     return Cylinder(face, -radius, middle, axis, float(high[0] - low[0]), edges)
 
 
-def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
+def mesh_model(gmsh: ModuleType, request: Request, scale: float) -> None:
     """Mesh the current gmsh model, whose unit of length is `scale` metres."""
     dim = gmsh.model.getDimension()
     if dim < 1:
-        raise MeshError(f"{ask.name} contains no geometry (curves, surfaces or volumes).")
-    of_cad = Path(ask.path).suffix.lower() in CAD
+        raise MeshError(f"{request.name} contains no geometry (curves, surfaces or volumes).")
+    of_cad = Path(request.path).suffix.lower() in CAD_ENDINGS
 
     # facets are flat: middle nodes off them would bend the part
-    order = ask.order if ask.order is not None else (1 if dim == 1 or ask.solid else 2)
+    order = request.order if request.order is not None else (1 if dim == 1 or request.solid else 2)
     gmsh.option.setNumber("Mesh.ElementOrder", order)
     stated = gmsh.option.getNumber("Mesh.MeshSizeFromCurvature")
-    around = max(stated, ask.around if of_cad or ask.around > AROUND else 0.0)
-    ask.allow(MESHING_TIME)
+    around = max(stated, request.around if of_cad or request.around > ELEMENTS_PER_TURN else 0.0)
+    request.limit_time(MESHING_TIME_LIMIT)
 
-    fields = [_graded_field(gmsh, point, local, ask, scale) for point, local in ask.refine]
-    if ask.size is not None:
-        _check_size(gmsh, ask, dim, scale)
-        gmsh.option.setNumber("Mesh.MeshSizeMax", ask.size / scale)
+    fields = [
+        _graded_size_field(gmsh, point, local, request, scale) for point, local in request.refine
+    ]
+    if request.size is not None:
+        _check_size(gmsh, request, dim, scale)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", request.size / scale)
         # at the tip of a cone elements by the curvature would have no end
-        wanted = ask.sizes["sizes"] if ask.sizes else []
-        smallest = min([ask.size, *(local for _, local in ask.refine), *wanted])
-        gmsh.option.setNumber("Mesh.MeshSizeMin", LEAST_SIZE * smallest / scale)
+        wanted = request.sizes["sizes"] if request.sizes else []
+        smallest = min([request.size, *(local for _, local in request.refine), *wanted])
+        gmsh.option.setNumber("Mesh.MeshSizeMin", LEAST_CURVATURE_SIZE * smallest / scale)
     if of_cad:  # short edges of CAD would fill whole faces with small cells
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-    if ask.sizes is not None:
-        size_field = SizeField(**ask.sizes)
-        ask.allow(MESHING_TIME + 2e-3 * size_field.expected())
+    if request.sizes is not None:
+        size_field = SizeField(**request.sizes)
+        request.limit_time(MESHING_TIME_LIMIT + 2e-3 * size_field.expected())
         fields.append(size_field.add_to(gmsh, scale))
-        around = max(ask.around, AROUND_FLAT if order == 1 else AROUND)
+        around = max(request.around, FLAT_FACES_PER_TURN if order == 1 else ELEMENTS_PER_TURN)
 
     if fields:
         smallest = gmsh.model.mesh.field.add("Min")
@@ -283,29 +294,29 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
 
     # Unless a script asks for another algorithm, volumes are meshed by gmsh's Delaunay: HXT is
     # faster, but its meshes of one part differ from run to run.
-    if ask.around > AROUND:  # the second attempt
+    if request.around > ELEMENTS_PER_TURN:  # the second attempt
         gmsh.option.setNumber("Mesh.Algorithm", 6)
         gmsh.option.setNumber("Mesh.Algorithm3D", 1)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", around)
     gmsh.model.mesh.generate(dim)
 
 
-def _check_size(gmsh: ModuleType, ask: Request, dim: int, scale: float) -> None:
+def _check_size(gmsh: ModuleType, request: Request, dim: int, scale: float) -> None:
     """MeshError for too many cells; otherwise set the time limit by their expected number."""
-    assert ask.size is not None
-    measure = sum(_mass(gmsh, dim, tag) for _, tag in gmsh.model.getEntities(dim))
+    assert request.size is not None
+    measure = sum(_measure(gmsh, dim, tag) for _, tag in gmsh.model.getEntities(dim))
     box = np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3))
-    along = float(np.ptp(box, axis=0).max()) * scale / ask.size
-    cells = CELLS_PER_SIZE[dim] * measure * (scale / ask.size) ** dim
+    along = float(np.ptp(box, axis=0).max()) * scale / request.size
+    cells = REGULAR_CELL_DENSITY[dim] * measure * (scale / request.size) ** dim
     if max(cells, along) > MOST_CELLS:
         raise MeshError(
-            f"{ask.name} would need about {max(cells, along):.1e} cells at a size of "
-            f"{ask.size:g} m, more than {MOST_CELLS:.0e}: choose a larger size."
+            f"{request.name} would need about {max(cells, along):.1e} cells at a size of "
+            f"{request.size:g} m, more than {MOST_CELLS:.0e}: choose a larger size."
         )
-    ask.allow(MESHING_TIME + 2e-3 * cells)
+    request.limit_time(MESHING_TIME_LIMIT + 2e-3 * cells)
 
 
-def _mass(gmsh: ModuleType, dim: int, tag: int) -> float:
+def _measure(gmsh: ModuleType, dim: int, tag: int) -> float:
     """Length, area or volume of an entity of OpenCASCADE; 0 for any other entity."""
     try:
         return float(gmsh.model.occ.getMass(dim, tag))
@@ -313,18 +324,18 @@ def _mass(gmsh: ModuleType, dim: int, tag: int) -> float:
         return 0.0
 
 
-def _graded_field(
-    gmsh: ModuleType, point: Sequence[float], local: float, ask: Request, scale: float
+def _graded_size_field(
+    gmsh: ModuleType, point: Sequence[float], local: float, request: Request, scale: float
 ) -> int:
-    """Tag of a size field: `local` [m] at most near `point`, growing to `ask.size` around."""
+    """Tag of a size field: `local` [m] at most near `point`, growing to `request.size` around."""
     x, y, z = (float(c) / scale for c in (*point, 0.0)[:3])
-    outer_size = 1e22 if ask.size is None else ask.size / scale
-    growth, reach = ask.grading
+    outer_size = 1e22 if request.size is None else request.size / scale
+    growth, reach = request.grading
     local = local / scale
 
     tag = gmsh.model.mesh.field.add("MathEval")
     distance = f"Sqrt((x-({x!r}))^2+(y-({y!r}))^2+(z-({z!r}))^2)"
-    grown = f"{REQUESTED_SIZE * local!r}+{growth!r}*Max(0,{distance}-{reach * local!r})"
+    grown = f"{GMSH_SIZE_FACTOR * local!r}+{growth!r}*Max(0,{distance}-{reach * local!r})"
     gmsh.model.mesh.field.setString(tag, "F", f"Min({outer_size!r},{grown})")
     return int(tag)
 
@@ -333,14 +344,14 @@ def _graded_field(
 
 
 #: Mean ratio of gmsh's edges to the requested size.
-EDGE_OVER_SIZE = 1.1
+EDGE_SIZE_RATIO = 1.1
 #: Measured ratio of gmsh's cells to regular ones with the requested edges, by dimension.
-CELLS_MADE = {2: 1.35, 3: 0.95}
+CELL_COUNT_RATIO = {2: 1.35, 3: 0.95}
 #: Least number of flat faces around a full turn of a curved surface; with fewer, elements cut off
 #: parts of a cylinder.
-AROUND_FLAT = 12.0
+FLAT_FACES_PER_TURN = 12.0
 #: Gmsh's names of scalars on triangles and on tetrahedra.
-LIST_TYPES = {3: "ST", 4: "SS"}
+SCALAR_VIEW_TYPES = {3: "ST", 4: "SS"}
 
 
 @dataclass
@@ -357,16 +368,16 @@ class SizeField:
         sides = x[cells[:, 1:]] - x[cells[:, :1]]
         dim = cells.shape[1] - 1
         measure = np.sqrt(np.abs(np.linalg.det(sides @ sides.transpose(0, 2, 1))))
-        share = CELLS_MADE[dim] * CELLS_PER_SIZE[dim] / factorial(dim)
+        share = CELL_COUNT_RATIO[dim] * REGULAR_CELL_DENSITY[dim] / factorial(dim)
         return float(share * np.sum(measure / sizes[cells].mean(axis=1) ** dim))
 
     def add_to(self, gmsh: ModuleType, scale: float) -> int:
         """Add the sizes to gmsh's model, whose unit is `scale` m, as a field; returns its tag."""
         x = np.array(self.points)[np.array(self.cells)] / scale
-        sizes = np.array(self.sizes)[np.array(self.cells)] / (scale * EDGE_OVER_SIZE)
+        sizes = np.array(self.sizes)[np.array(self.cells)] / (scale * EDGE_SIZE_RATIO)
         rows = np.concatenate([x.transpose(0, 2, 1).reshape(len(x), -1), sizes], axis=1)
         view = gmsh.view.add("sizes")
-        gmsh.view.addListData(view, LIST_TYPES[sizes.shape[1]], len(rows), rows.ravel())
+        gmsh.view.addListData(view, SCALAR_VIEW_TYPES[sizes.shape[1]], len(rows), rows.ravel())
         tag = int(gmsh.model.mesh.field.add("PostView"))
         gmsh.model.mesh.field.setNumber(tag, "ViewTag", view)
 
@@ -376,46 +387,46 @@ class SizeField:
         return tag
 
 
-SCRIPTS = (".geo", ".geo_unrolled")
-GEOMETRY = (*SCRIPTS, *CAD)
+SCRIPT_ENDINGS = (".geo", ".geo_unrolled")
+GEOMETRY_ENDINGS = (*SCRIPT_ENDINGS, *CAD_ENDINGS)
 #: First words of gmsh's mesh files; gmsh executes any other file as a script.
-HEADERS = (b"$MeshFormat", b"$Comments", b"$NOD", b"$NOE", b"$PARA", b"$ELM", b"$PTS")
+MESH_FILE_HEADERS = (b"$MeshFormat", b"$Comments", b"$NOD", b"$NOE", b"$PARA", b"$ELM", b"$PTS")
 
-GMSH_KINDS = {number: label for label, (_, _, number) in CELLS.items()}
+LABEL_OF_GMSH_TYPE = {number: label for label, (_, _, number) in CELL_TYPES.items()}
 
 
-def read(ask: Request) -> FileMesh:
+def read(request: Request) -> FileMesh:
     """Read a mesh file (`.msh`), or mesh a geometry."""
-    source = Path(ask.path)
+    source = Path(request.path)
     suffix = source.suffix.lower()
 
     # a script may take long to build the geometry
-    ask.allow((120 if suffix in SCRIPTS else 30) + 1e-5 * source.stat().st_size)
-    if ask.by_ftetwild:
-        return facets.by_ftetwild(ask)
+    request.limit_time((120 if suffix in SCRIPT_ENDINGS else 30) + 1e-5 * source.stat().st_size)
+    if request.by_ftetwild:
+        return facets.mesh_by_ftetwild(request)
 
-    path = source if ask.trust or ask.solid else _checked_copy(source, suffix, ask.name)
-    gmsh = session()
-    ask.seal()
+    path = source if request.trust or request.solid else _checked_copy(source, suffix, request.name)
+    gmsh = quiet_session()
+    request.limit_output()
 
     try:
-        return _mesh_of(gmsh, ask, path, suffix)
+        return _mesh_of_file(gmsh, request, path, suffix)
     except MeshError:
         raise
     except Exception as error:
-        reason = " ".join(str(error).replace(str(path), ask.name).split()).rstrip(".")
+        reason = " ".join(str(error).replace(str(path), request.name).split()).rstrip(".")
         reason = re.sub(r"(\b\w+ \d+) \1\b", r"\1", reason)  # gmsh says some surfaces twice
         reason = reason[:200] or "it gives no reason"
-        if ask.solid or (gmsh.model.getDimension() > 0 and suffix in GEOMETRY):
-            raise UnmeshableError(f"gmsh cannot mesh {ask.name}: {reason}.") from error
-        raise MeshError(f"gmsh cannot read {ask.name}: {reason}.") from error
+        if request.solid or (gmsh.model.getDimension() > 0 and suffix in GEOMETRY_ENDINGS):
+            raise UnmeshableError(f"gmsh cannot mesh {request.name}: {reason}.") from error
+        raise MeshError(f"gmsh cannot read {request.name}: {reason}.") from error
 
 
 def _checked_copy(source: Path, suffix: str, name: str) -> Path:
     """Copy the checked file, and CAD files that a script merges, into the working folder."""
     copy = Path(f"mesh{suffix}")
-    if suffix in SCRIPTS:
-        text, merged = harmless(source.read_text(encoding="latin-1"), name)
+    if suffix in SCRIPT_ENDINGS:
+        text, merged = checked_script(source.read_text(encoding="latin-1"), name)
         for beside in merged:
             if not source.with_name(beside).is_file():
                 raise MeshError(f"{name} merges {beside}, which is not in its folder.")
@@ -425,43 +436,43 @@ def _checked_copy(source: Path, suffix: str, name: str) -> Path:
 
     with source.open("rb") as stream:
         beginning = stream.read(16)
-    if suffix == ".msh" and not beginning.startswith(HEADERS):
+    if suffix == ".msh" and not beginning.startswith(MESH_FILE_HEADERS):
         raise MeshError(
             f"{name} does not begin as a Gmsh mesh ($MeshFormat): write it as .inp, .bdf or .med."
         )
     return Path(shutil.copyfile(source, copy))
 
 
-def _mesh_of(gmsh: ModuleType, ask: Request, path: Path, suffix: str) -> FileMesh:
+def _mesh_of_file(gmsh: ModuleType, request: Request, path: Path, suffix: str) -> FileMesh:
     """The mesh of the file at `path` in the file's unit, with names and remarks."""
-    unit = 1.0 if ask.solid else opened_cad(gmsh, str(path))
-    if suffix in CAD and gmsh.model.getDimension() < 1:
+    unit = 1.0 if request.solid else open_cad(gmsh, str(path))
+    if suffix in CAD_ENDINGS and gmsh.model.getDimension() < 1:
         with open(path, "rb") as file:
-            reason = NO_ANALYSIS if ANALYSIS in file.read(1 << 14) else NO_SHAPES
-        raise MeshError(f"gmsh cannot read {ask.name}: {reason}.")
-    if suffix in SCRIPTS:  # an optimiser that Debian's gmsh does not have
+            reason = ANALYSIS_REASON if ANALYSIS_SCHEMA in file.read(1 << 14) else NO_SHAPES_REASON
+        raise MeshError(f"gmsh cannot read {request.name}: {reason}.")
+    if suffix in SCRIPT_ENDINGS:  # an optimiser that Debian's gmsh does not have
         gmsh.option.setNumber("Mesh.OptimizeNetgen", 0)
 
     notes: list[str] = []
-    names: Names = {}
-    if ask.solid:
-        surface, names = facets.fill(gmsh, ask)
+    names: EntityNames = {}
+    if request.solid:
+        surface, names = facets.add_filled_surface(gmsh, request)
         notes = surface.remarks
-    elif suffix in CAD:
+    elif suffix in CAD_ENDINGS:
         count = len(gmsh.model.getEntities(3))
-        if ask.piece is not None and not ask.fragments and count > 1:
-            notes = [piece_is_read(ask.name, ask.piece, count)]
-        names = names_of(gmsh, ask, unit * ask.unit[0])
-    if ask.outline:
-        return _diagonals(gmsh, names, unit)
+        if request.piece is not None and not request.fragments and count > 1:
+            notes = [piece_is_read(request.name, request.piece, count)]
+        names = entity_names(gmsh, request, unit * request.unit[0])
+    if request.outline:
+        return _box_diagonals(gmsh, names, unit)
 
     if suffix != ".msh":
-        mesh_model(gmsh, ask, unit * ask.unit[0])
-    mesh = _mesh_from_gmsh(gmsh, ask.name, names, numbered=suffix == ".msh")
-    if ask.order != 1 and suffix != ".msh":
-        solids = [abs(_mass(gmsh, 3, tag)) for _, tag in gmsh.model.getEntities(3)]
-        exact = surface.volume if ask.solid else sum(solids) if all(solids) else 0.0
-        notes += _volume_remarks(gmsh, ask.name, exact)
+        mesh_model(gmsh, request, unit * request.unit[0])
+    mesh = _mesh_from_gmsh(gmsh, request.name, names, numbered=suffix == ".msh")
+    if request.order != 1 and suffix != ".msh":
+        solids = [abs(_measure(gmsh, 3, tag)) for _, tag in gmsh.model.getEntities(3)]
+        exact = surface.volume if request.solid else sum(solids) if all(solids) else 0.0
+        notes += _volume_remarks(gmsh, request.name, exact)
     mesh.points *= unit
     mesh.remarks = [*notes, *mesh.remarks]
     return mesh
@@ -481,19 +492,19 @@ def _volume_remarks(gmsh: ModuleType, name: str, exact: float) -> list[str]:
     sense = "large" if change > 0 else "small"
     return [
         f"{name}: the mass of the mesh is {percent(abs(change))} too {sense} beside that of the "
-        f"geometry, as {CUT}; a smaller size follows them."
+        f"geometry, as {CORNERS_CUT_PHRASE}; a smaller size follows them."
     ]
 
 
-def _diagonals(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
+def _box_diagonals(gmsh: ModuleType, names: EntityNames, scale: float) -> FileMesh:
     """Diagonals of the boxes of all solids, or of the model; each group has all these lines."""
-    entities = largest_first(gmsh) or [(-1, -1)]
+    entities = solids_by_volume(gmsh) or [(-1, -1)]
     boxes = scale * np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
     lines = np.arange(2 * len(boxes)).reshape(-1, 2)
 
     groups = gmsh.model.getPhysicalGroups()
     group_names = [gmsh.model.getPhysicalName(dim, tag) or str(tag) for dim, tag in groups]
-    group_names += in_order(chain(*names.values()))
+    group_names += naturally_sorted(chain(*names.values()))
     cells = {"line": np.arange(len(lines))}
     mesh = FileMesh(boxes.reshape(-1, 3), {"line": lines}, dict.fromkeys(group_names, cells))
     if len(entities) > 1:
@@ -504,7 +515,7 @@ def _diagonals(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
     return mesh
 
 
-def session() -> ModuleType:
+def quiet_session() -> ModuleType:
     """A gmsh session without output."""
     try:
         import gmsh
@@ -525,7 +536,7 @@ def session() -> ModuleType:
     return gmsh
 
 
-def _mesh_from_gmsh(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMesh:
+def _mesh_from_gmsh(gmsh: ModuleType, name: str, names: EntityNames, numbered: bool) -> FileMesh:
     """The mesh in gmsh's model with groups and `names`; `numbered`: with node numbers."""
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     by_tag = np.argsort(tags).astype(np.int64)
@@ -546,10 +557,10 @@ def _mesh_from_gmsh(gmsh: ModuleType, name: str, names: Names, numbered: bool) -
     for dim, tag in sorted(gmsh.model.getEntities()):
         kinds, _, nodes = gmsh.model.mesh.getElements(dim, tag)
         for kind, block in zip(kinds, nodes, strict=True):
-            label = known(GMSH_KINDS.get(int(kind), f"gmsh type {kind}"), name)
+            label = known_kind(LABEL_OF_GMSH_TYPE.get(int(kind), f"gmsh type {kind}"), name)
             if label not in orders:
                 orders[label] = _node_order(gmsh, int(kind), label)
-            part = indices(block, CELLS[label][1])[:, orders[label]]
+            part = indices(block, CELL_TYPES[label][1])[:, orders[label]]
             start = count.get(label, 0)
             count[label] = start + len(part)
             blocks.setdefault(label, []).append(part)
@@ -557,26 +568,26 @@ def _mesh_from_gmsh(gmsh: ModuleType, name: str, names: Names, numbered: bool) -
 
     cells = {label: np.vstack(parts) for label, parts in blocks.items()}
     groups = _groups(gmsh, rows, name)
-    named = joined(
+    named = joined_groups(
         (label, kind, members)
         for entity, labels in names.items()
         for kind, members in rows.get(entity, {}).items()
         for label in labels
     )
-    named = {label: named[label] for label in in_order(named)}
+    named = {label: named[label] for label in naturally_sorted(named)}
 
-    mesh = FileMesh(points, cells, named | groups, of_gmsh=True, aids=bool(groups))
+    mesh = FileMesh(points, cells, named | groups, of_gmsh=True, has_construction_aids=bool(groups))
     if numbered:
         mesh.labels = np.asarray(tags, dtype=np.int64)
-    return as_carried(mesh, name)
+    return with_supported_kinds(mesh, name)
 
 
 def _node_order(gmsh: ModuleType, number: int, label: str) -> IntArray:
     """Permutation (nodes,) of the nodes of a cell kind from gmsh's order to VTK's."""
-    shape, count, _ = CELLS[label]
+    shape, count, _ = CELL_TYPES[label]
     x = np.reshape(gmsh.model.mesh.getElementProperties(number)[4], (count, -1))
     corners = tuple(range(CORNERS[shape]))
-    members = [*((k,) for k in corners), *EDGES[shape], *rectangles(shape), corners]
+    members = [*((k,) for k in corners), *EDGES[shape], *quadrilateral_faces(shape), corners]
     wanted = np.array([x[list(nodes)].mean(axis=0) for nodes in members[:count]])
     return np.asarray(np.linalg.norm(wanted[:, None] - x, axis=2).argmin(axis=1))
 
@@ -598,4 +609,4 @@ def _groups(
             raise MeshError(f"{name} gives two groups of dimension {dim} the name {label!r}.")
         if (dim, tag) in members:
             names[label, dim] = members[dim, tag]
-    return joined((label, *part) for (label, _), parts in names.items() for part in parts)
+    return joined_groups((label, *part) for (label, _), parts in names.items() for part in parts)

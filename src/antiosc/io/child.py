@@ -42,7 +42,7 @@ def main() -> None:
     os._exit(0)  # without the finalizers, in which gmsh may crash
 
 
-def _read(request: "dict[str, object]") -> bytes:
+def _read(fields: "dict[str, object]") -> bytes:
     """Archive (npz) of the mesh of the requested file, or of the error that its reader raised."""
     import numpy as np
 
@@ -51,20 +51,21 @@ def _read(request: "dict[str, object]") -> bytes:
     from antiosc.io.mesh_files import reader_of
     from antiosc.io.neutral import packed
 
-    ask = Request(**request)  # type: ignore[arg-type]
-    ask.limit_memory()
-    ask.allow(30 + 1e-5 * os.path.getsize(ask.path))
+    request = Request(**fields)  # type: ignore[arg-type]
+    request.limit_memory()
+    request.limit_time(30 + 1e-5 * os.path.getsize(request.path))
 
     try:
-        header, arrays = packed(reader_of(ask.path, ask.solid).read(ask))
+        header, arrays = packed(reader_of(request.path, request.solid).read(request))
     except AntioscError as error:
         header, arrays = {"error": type(error).__name__, "message": str(error)}, []
     except MemoryError:
         header, arrays = {"error": "MemoryError", "message": ""}, []
     except Exception as error:
-        reason = " ".join(str(error).replace(ask.path, ask.name).split())[:200].rstrip(".")
+        reason = " ".join(str(error).replace(request.path, request.name).split())[:200].rstrip(".")
         message = (
-            f"{ask.name} cannot be read ({type(error).__name__}: {reason or 'no reason given'}): "
+            f"{request.name} cannot be read ({type(error).__name__}: "
+            f"{reason or 'no reason given'}): "
             "it is cut off, or a variant of its format that is not supported; write it anew in the "
             "program that made it, or as .msh, .inp, .bdf or .med."
         )

@@ -23,17 +23,17 @@ import numpy as np
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.neutral import (
-    CELLS,
+    CELL_KINDS,
+    CELL_TYPES,
     CORNERS,
     DIMENSION,
     EDGES,
     FACES,
-    KINDS,
     FileMesh,
     IntArray,
     Model,
     Piece,
-    rectangles,
+    quadrilateral_faces,
 )
 
 if TYPE_CHECKING:
@@ -85,16 +85,16 @@ class Deck:
     #: nodes fixed by supports: name of the group for them -> rows of `points`
     fixed: dict[str, IntArray] = field(default_factory=dict)
     #: type of elements that are not cells of a mesh -> their number
-    left: Counter[str] = field(default_factory=Counter)
+    skipped: Counter[str] = field(default_factory=Counter)
     #: warnings about the deck for the caller, one sentence each
     remarks: list[str] = field(default_factory=list)
     #: names of the parts (sets of elements) that a model is made of; None: of all elements
-    wanted: list[str] | None = None
+    wanted_parts: list[str] | None = None
     pieces: list[Piece] = field(default_factory=list)  # these, if one of several is read
     #: which of the pieces that share no node a model is made of, 1: the largest; None: of all
     piece: int | None = None
-    free: bool = False  # whether the supports are left out of a model
-    apart: bool = False  # whether contact is left out; else the pairs that touch are tied
+    without_supports: bool = False  # whether the supports are left out of a model
+    without_contact: bool = False  # whether contact is left out; else the pairs that touch are tied
     #: materials, sections, supports, masses in SI units, if they were requested
     model: Model | None = None
     #: numbers of the first nodes in the file
@@ -127,7 +127,7 @@ class Deck:
         return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *tables]))
 
 
-def listed(counts: dict[str, int]) -> str:
+def counts_text(counts: dict[str, int]) -> str:
     """Counts by element type as text, as "3 C3D8, 2 S4"."""
     words = [f"{count} {kind}" for kind, count in sorted(counts.items())]
     more_text = f" and {len(words) - 8} more" if len(words) > 8 else ""
@@ -161,7 +161,7 @@ class NodeTable:
         """Coordinates of all nodes, those of the file first."""
         return np.vstack([self.points, self.weights[len(self.points) :] @ self.points])
 
-    def combined(self, nodes: IntArray, weights: Sequence[float]) -> csr_matrix:
+    def combined_weights(self, nodes: IntArray, weights: Sequence[float]) -> csr_matrix:
         """Weights (n, nodes of the file) of the points Σ_j weights_j x(nodes_ij), i = 1 … n."""
         shares = (w * self.weights[column] for column, w in zip(nodes.T, weights, strict=True))
         return sum(shares).tocsr()
@@ -190,12 +190,12 @@ class NodeTable:
             pairs = np.unique(np.sort(absent, axis=1), axis=0)
             row = self._places.find(pairs)
             halfway = pairs[row < 0]
-            self._pairs.add(halfway, self.new(self.combined(halfway, (0.5, 0.5))))
+            self._pairs.add(halfway, self.new(self.combined_weights(halfway, (0.5, 0.5))))
             self._pairs.add(pairs[row >= 0], self.new(self._placed[row[row >= 0]]))
 
         return self._pairs.find(flat).reshape(ends.shape[:-1])
 
-    def of_face(self, corners: IntArray, weights: csr_matrix) -> IntArray:
+    def face_middles(self, corners: IntArray, weights: csr_matrix) -> IntArray:
         """Numbers (n,) of middle nodes of faces (n, 4); missing ones are made by `weights`."""
         opposite = corners.argmin(axis=1)[:, None] + np.array([0, 2])
         ends = np.take_along_axis(corners, opposite % 4, axis=1)  # the same in two cells
@@ -235,11 +235,11 @@ class PairTable:
 
 
 #: Corners at the ends of the diagonals of a hexahedron.
-DIAGONALS = ((0, 6), (1, 7), (2, 4), (3, 5))
+HEXAHEDRON_DIAGONALS = ((0, 6), (1, 7), (2, 4), (3, 5))
 
 
 #: (shape, geometric order) -> name of the kind of cells
-CELL_LABELS = {(CELLS[label][0], kind.order): label for label, kind in KINDS.items()}
+CELL_LABELS = {(CELL_TYPES[label][0], kind.order): label for label, kind in CELL_KINDS.items()}
 NO_CELLS = np.zeros(0, dtype=np.int64)
 
 
@@ -251,7 +251,7 @@ class Division(NamedTuple):
     kinds: list[tuple[str, str, list[Block]]]
 
 
-def divided(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Division:
+def mesh_of_deck(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Division:
     """The elements of a deck as cells, its sets as groups.
 
     `halve_lines`: second-order lines become two straight ones each, as `Beam` needs them; `mixed`:
@@ -267,7 +267,7 @@ def divided(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Di
     for dim in (3, 2, 1, 0):
         of_dimension = [entry for entry in all_blocks if DIMENSION[entry[0].shape] == dim]
         if dim == 1 and halve_lines:
-            of_dimension = [_halved(*entry) for entry in of_dimension]
+            of_dimension = [_halved_lines(*entry) for entry in of_dimension]
         order = 2 if any(block.mids.shape[1] for block, _ in of_dimension) else 1
         for block in (b for b, _ in of_dimension if b.mids.shape[1]):
             ends = block.corners[:, np.array(EDGES[block.shape])]
@@ -278,9 +278,9 @@ def divided(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Di
         for of_shape in _by_shape(of_dimension) if apart else filter(None, [of_dimension]):
             shapes = {block.shape for block, _ in of_shape}
             wider = [b for b, _ in of_shape if CORNERS[b.shape] > DIMENSION[b.shape] + 1]
-            needed = shapes not in _UNDIVIDED or any(folded(block).any() for block in wider)
+            needed = shapes not in _UNDIVIDED_SHAPES or any(folded(block).any() for block in wider)
             split = dim > 1 and (split or needed)
-            shape = _SIMPLEX[dim] if split else next(iter(shapes))
+            shape = _SIMPLEX_OF_DIMENSION[dim] if split else next(iter(shapes))
             label = CELL_LABELS[shape, order]
             cells[label], owners[label] = _cells_of_blocks(deck, of_shape, split, order, nodes)
             kinds.append((label, shape, [block for block, _ in of_shape]))
@@ -312,8 +312,8 @@ def _by_shape(sheets: list[tuple[Block, IntArray]]) -> list[list[tuple[Block, In
 
 
 #: Shapes that are not divided if all elements have one of them.
-_UNDIVIDED = [{"point"}, {"line"}, {"triangle"}, {"quad"}, {"tetra"}, {"hexahedron"}]
-_SIMPLEX = {0: "point", 1: "line", 2: "triangle", 3: "tetra"}
+_UNDIVIDED_SHAPES = [{"point"}, {"line"}, {"triangle"}, {"quad"}, {"tetra"}, {"hexahedron"}]
+_SIMPLEX_OF_DIMENSION = {0: "point", 1: "line", 2: "triangle", 3: "tetra"}
 
 
 def _cells_of_blocks(
@@ -335,7 +335,7 @@ def _cells_of_blocks(
                 f"{len(unused)} {block.type} elements of {deck.name} use one node several times "
                 "so that they have no volume or area; delete them."
             )
-        shape = _SIMPLEX[DIMENSION[block.shape]] if split else block.shape
+        shape = _SIMPLEX_OF_DIMENSION[DIMENSION[block.shape]] if split else block.shape
         if order == 2:
             ends = corners[:, np.array(EDGES[shape])]
             mids = nodes.between(ends)
@@ -353,7 +353,7 @@ def _middle_weights(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) 
     edges = np.stack([face, np.roll(face, -1)], axis=1) if face else np.array(EDGES[block.shape])
     mids = nodes.between(block.corners[:, edges])
     weights = [-0.25] * corners.shape[1] + [0.5 if face else 0.25] * mids.shape[1]
-    return nodes.combined(np.hstack([corners, mids]), weights)
+    return nodes.combined_weights(np.hstack([corners, mids]), weights)
 
 
 def _middle_nodes(block: Block, nodes: NodeTable) -> IntArray:
@@ -364,9 +364,9 @@ def _middle_nodes(block: Block, nodes: NodeTable) -> IntArray:
         return block.inner
 
     columns = []
-    for face in rectangles(block.shape):
+    for face in quadrilateral_faces(block.shape):
         middles = _middle_weights(block, nodes, face)
-        columns.append(nodes.of_face(block.corners[:, list(face)], middles))
+        columns.append(nodes.face_middles(block.corners[:, list(face)], middles))
 
     if block.shape == "hexahedron":
         columns.append(nodes.new(_middle_weights(block, nodes)))
@@ -376,8 +376,10 @@ def _middle_nodes(block: Block, nodes: NodeTable) -> IntArray:
 
 def _set_diagonal_weights(block: Block, nodes: NodeTable) -> None:
     """Set the weights of the middles of all diagonals that a division may use."""
-    for face in rectangles(block.shape):
-        whole = ~_repeats(block.corners[:, list(face)])  # the diagonals of others are edges
+    for face in quadrilateral_faces(block.shape):
+        whole = ~_has_repeated_node(
+            block.corners[:, list(face)]
+        )  # the diagonals of others are edges
         middles = _middle_weights(block[whole], nodes, face)
         for k in (0, 1):
             nodes.set_middle_weights(block.corners[whole][:, [face[k], face[k + 2]]], middles)
@@ -385,16 +387,16 @@ def _set_diagonal_weights(block: Block, nodes: NodeTable) -> None:
     if block.shape == "hexahedron":
         whole = ~folded(block)
         middles = _middle_weights(block[whole], nodes)
-        for ends in DIAGONALS:
+        for ends in HEXAHEDRON_DIAGONALS:
             nodes.set_middle_weights(block.corners[whole][:, list(ends)], middles)
 
 
 def folded(block: Block) -> BoolArray:
     """Mask (n,) of the elements that have one node at several corners."""
-    return _repeats(block.corners)
+    return _has_repeated_node(block.corners)
 
 
-def _repeats(nodes: IntArray) -> BoolArray:
+def _has_repeated_node(nodes: IntArray) -> BoolArray:
     """Mask (n,) of the rows of `nodes` (n, k) in which a number occurs twice."""
     ordered = np.sort(nodes, axis=1)
     return np.asarray((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
@@ -429,11 +431,11 @@ def _triangles(corners: IntArray) -> tuple[IntArray, IntArray]:
         corners = np.vstack([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
         rows = np.concatenate([rows, rows])
 
-    sound = ~_repeats(corners)
+    sound = ~_has_repeated_node(corners)
     return corners[sound], rows[sound]
 
 
-def _halved(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
+def _halved_lines(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
     """(two straight lines for each line with a middle node, number of the element of each)."""
     if not block.mids.shape[1] or (block.mids < 0).any():
         return block, elements
@@ -446,9 +448,9 @@ def _halved(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
 # --- Files with cells of several kinds ---
 
 
-def known(label: str, name: str) -> str:
+def known_kind(label: str, name: str) -> str:
     """The kind `label` of cells; MeshError if they can neither be used nor divided."""
-    if label not in CELLS:
+    if label not in CELL_TYPES:
         raise MeshError(
             f"{name} holds {label} cells, which no element here can carry; it must be of lines, "
             "triangles, quadrilaterals, tetrahedra, hexahedra, wedges or pyramids of geometric "
@@ -458,12 +460,12 @@ def known(label: str, name: str) -> str:
     return label
 
 
-def as_carried(mesh: FileMesh, name: str) -> FileMesh:
+def with_supported_kinds(mesh: FileMesh, name: str) -> FileMesh:
     """The mesh with one supported kind of cells for each dimension; others are divided."""
     labels = [label for label, block in mesh.cells.items() if len(block)]
-    dims = {label: DIMENSION[CELLS[label][0]] for label in labels}
+    dims = {label: DIMENSION[CELL_TYPES[label][0]] for label in labels}
     tops = [label for label in labels if dims[label] == max(dims.values())]
-    if len(tops) < 2 and KINDS.keys() >= set(tops):
+    if len(tops) < 2 and CELL_KINDS.keys() >= set(tops):
         return mesh
 
     deck = Deck(name, mesh.points, labels=mesh.labels)
@@ -476,15 +478,15 @@ def as_carried(mesh: FileMesh, name: str) -> FileMesh:
         deck.element_sets[group] = np.concatenate([np.zeros(0, dtype=np.int64), *rows])
 
     deck.node_sets = mesh.node_sets
-    result = divided(deck).mesh
-    result.of_gmsh, result.aids = mesh.of_gmsh, mesh.aids
+    result = mesh_of_deck(deck).mesh
+    result.of_gmsh, result.has_construction_aids = mesh.of_gmsh, mesh.has_construction_aids
     result.remarks = [*mesh.remarks, *result.remarks]
     return result
 
 
 def _block(label: str, cells: IntArray) -> Block:
     """A block of cells (n, nodes) of the kind `label`."""
-    shape = CELLS[label][0]
+    shape = CELL_TYPES[label][0]
     first = CORNERS[shape]
     inner = min(first + len(EDGES[shape]), cells.shape[1])
     return Block(shape, label, cells[:, :first], cells[:, first:inner], cells[:, inner:])

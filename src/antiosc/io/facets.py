@@ -17,40 +17,48 @@ from antiosc.base._types import Array, BoolArray, IntArray as AnyIntArray
 from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableError
 from antiosc.base.texts import piece_is_read
 from antiosc.io.isolation import Request
-from antiosc.io.neutral import FACETS, FileMesh, IntArray, Names, Piece, connected, outer_facets
+from antiosc.io.neutral import (
+    FACETS,
+    EntityNames,
+    FileMesh,
+    IntArray,
+    Piece,
+    connected_pieces,
+    outer_facets,
+)
 
 #: Endings of such files.
-SURFACES = (".stl", ".obj", ".ply", ".off")
+SURFACE_ENDINGS = (".stl", ".obj", ".ply", ".off")
 #: Angle between facets from which their common edge is an edge of the part, degrees.
 SHARP_ANGLE = 40.0
 #: Decimal digits of the size of a surface up to which two corners are one.
-DIGITS = 6
+MERGE_DIGITS = 6
 #: Height of a triangle, over the size of the surface, below which it has no area.
-FLAT = 1e-7
+DEGENERATE_HEIGHT = 1e-7
 #: Mean thickness 2 V/A over the size from which a closed surface is that of a solid.
-THICK = 1e-3
+LEAST_SOLID_THICKNESS = 1e-3
 #: Number of gmsh's algorithm for sides. Of 48 closed surfaces by others it meshes all that the
 #: default, Frontal-Delaunay, does; the default takes 18 s where it takes 1 s, and does not end in a
 #: minute where it takes 0.6 s.
-DELAUNAY = 5
+DELAUNAY_ALGORITHM = 5
 #: Surfaces of few triangles are divided into as many at most: gmsh finds no parameters of a side
 #: that is one triangle.
-MOST_DIVIDED = 4000
+MOST_DIVIDED_TRIANGLES = 4000
 #: More closed surfaces than this are not sorted into bodies and cavities.
 MOST_BODIES = 200
 #: Corners of a piece by which it is found to lie in another.
-SAMPLES = 40
+SAMPLED_CORNERS = 40
 #: Corners of the sides of a triangle.
-SIDES = ((0, 1), (1, 2), (2, 0))
+TRIANGLE_SIDES = ((0, 1), (1, 2), (2, 0))
 #: Group of all triangles of a sheet that is the closed surface of a solid.
-CLOSED = "closed surface"
+CLOSED_SURFACE_GROUP = "closed surface"
 #: Words of the remark on a surface that gmsh could not fill.
-BY_FTETWILD = "is filled by fTetWild"
+FTETWILD_PHRASE = "is filled by fTetWild"
 #: Envelope of fTetWild over the diagonal of the box; the processor time that it may take, s.
-ENVELOPE, FTETWILD_TIME = 1e-3, 600.0
+FTETWILD_ENVELOPE, FTETWILD_TIME = 1e-3, 600.0
 
 
-def volumes(points: Array, triangles: IntArray) -> Array:
+def signed_volumes(points: Array, triangles: IntArray) -> Array:
     """Signed volumes (t,) of the tetrahedra over triangles (t, 3) with their apex at the origin."""
     a, b, c = points[triangles].transpose(1, 0, 2)
     return np.asarray(np.einsum("ni,ni->n", a, np.cross(b, c)) / 6)
@@ -65,14 +73,14 @@ def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]
     a, b = pairs.T
     turn = np.where(consistent, 0, count)
     links = [np.column_stack([a, b + turn]), np.column_stack([a + count, b + count - turn])]
-    side = connected(links, 2 * count)
-    piece = connected([pairs], count)
+    side = connected_pieces(links, 2 * count)
+    piece = connected_pieces([pairs], count)
     _, start = np.unique(piece, return_index=True)
     turned = np.array(triangles, dtype=np.int64)
     other = side[:count] != side[start][piece]
     turned[other] = turned[other][:, ::-1]
 
-    inward = np.bincount(piece, volumes(points - points.mean(axis=0), turned)) < 0
+    inward = np.bincount(piece, signed_volumes(points - points.mean(axis=0), turned)) < 0
     turned[inward[piece]] = turned[inward[piece]][:, ::-1]
     return turned, piece
 
@@ -80,7 +88,7 @@ def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]
 def _edges_of_triangles(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
     """(whether the two triangles at an edge agree (k,), their numbers (k, 2); number of triangles
     at every edge); the first two for edges of two triangles alone."""
-    ends = np.concatenate([triangles[:, list(side)] for side in SIDES])
+    ends = np.concatenate([triangles[:, list(side)] for side in TRIANGLE_SIDES])
     _, edge, uses = np.unique(
         np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True
     )
@@ -118,7 +126,7 @@ class Surface:
     @property
     def volume(self) -> float:
         """Enclosed volume; positive if the normals point outward."""
-        return float(volumes(self.points, self.triangles).sum())
+        return float(signed_volumes(self.points, self.triangles).sum())
 
     def only(self, pieces: Sequence[int]) -> Surface:
         """The surface with the triangles of some pieces."""
@@ -131,10 +139,10 @@ class Surface:
         normals = self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True)
         cosine = np.einsum("ni,ni->n", *normals[pairs].transpose(1, 0, 2))
         smooth = cosine > math.cos(math.radians(SHARP_ANGLE))
-        return connected([pairs[smooth]], len(normals))
+        return connected_pieces([pairs[smooth]], len(normals))
 
 
-def surface_of(ask: Request) -> Surface:
+def read_surface(request: Request) -> Surface:
     """The surface in a file, repaired and oriented."""
     try:
         import trimesh
@@ -143,37 +151,39 @@ def surface_of(ask: Request) -> Surface:
             "trimesh and networkx, which read surfaces of triangles, are not installed: "
             "pip install trimesh networkx"
         ) from error
-    path = Path(ask.path)
+    path = Path(request.path)
     suffix = path.suffix.lower()
     content = path.read_bytes()
 
     with path.open("rb") as file:
         mesh = trimesh.load_mesh(file, file_type=suffix[1:], process=False, skip_materials=True)
-    _check_triangles(mesh, content, suffix, ask.name)
+    _check_triangles(mesh, content, suffix, request.name)
     if not np.isfinite(mesh.vertices[mesh.faces]).all():
-        raise MeshError(f"{ask.name} has corners whose coordinates are not finite.")
+        raise MeshError(f"{request.name} has corners whose coordinates are not finite.")
 
     # corners that almost coincide, triangles without area, repeated ones, small holes
     count = len(mesh.faces)
     size = float(np.ptp(mesh.vertices[mesh.faces], axis=(0, 1)).max())
     if size > 0:
         mesh.merge_vertices(
-            merge_tex=True, merge_norm=True, digits_vertex=DIGITS - math.ceil(math.log10(size))
+            merge_tex=True,
+            merge_norm=True,
+            digits_vertex=MERGE_DIGITS - math.ceil(math.log10(size)),
         )
-        mesh.update_faces(mesh.nondegenerate_faces(FLAT * size) & mesh.unique_faces())
+        mesh.update_faces(mesh.nondegenerate_faces(DEGENERATE_HEIGHT * size) & mesh.unique_faces())
         mesh.remove_unreferenced_vertices()
     kept = len(mesh.faces)
     if not kept:
-        raise MeshError(f"{ask.name} holds no triangles with an area.")
+        raise MeshError(f"{request.name} holds no triangles with an area.")
 
     trimesh.repair.fill_holes(mesh)
     left, added = count - kept, len(mesh.faces) - kept
     notes = []
     if left:
         without = "triangles without area or equal to another that are left out"
-        notes.append(f"{ask.name}: {without}: {left} of {count}.")
+        notes.append(f"{request.name}: {without}: {left} of {count}.")
     if added:
-        notes.append(f"{ask.name}: small holes of the surface are closed by {added} triangles.")
+        notes.append(f"{request.name}: small holes of the surface are closed by {added} triangles.")
 
     points = np.array(mesh.vertices, dtype=float)
     return Surface(points, *oriented(points, np.asarray(mesh.faces)), notes)
@@ -209,19 +219,19 @@ def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> No
         )
 
 
-def read(ask: Request) -> FileMesh:
+def read(request: Request) -> FileMesh:
     """Read a surface as a mesh of triangles; `pieces` of a closed one are the bodies in it."""
-    surface = surface_of(ask)
+    surface = read_surface(request)
     groups = {}
     area = np.linalg.norm(surface.normals, axis=1).sum() / 2
     size = float(np.ptp(surface.points[surface.triangles], axis=(0, 1)).max())
-    if not surface.open_edges and 2 * abs(surface.volume) > THICK * size * area:
-        groups = {CLOSED: {"triangle": np.arange(len(surface.triangles))}}
+    if not surface.open_edges and 2 * abs(surface.volume) > LEAST_SOLID_THICKNESS * size * area:
+        groups = {CLOSED_SURFACE_GROUP: {"triangle": np.arange(len(surface.triangles))}}
 
     mesh = FileMesh(surface.points, {"triangle": surface.triangles}, groups)
     mesh.remarks = surface.remarks
     if groups and 0 < surface.piece.max() < MOST_BODIES:
-        bodies = _by_volume(surface, _bodies(surface, ask.name)[0])
+        bodies = _by_volume(surface, _bodies(surface, request.name)[0])
         outer = (surface.triangles[surface.piece == body[0]] for body in bodies)
         corners = [surface.points[np.unique(triangles)] for triangles in outer]
         pieces = [Piece("", x.min(axis=0), x.max(axis=0)) for x in corners]
@@ -242,12 +252,12 @@ def _bodies(surface: Surface, name: str) -> tuple[list[list[int]], bool]:
     inside = np.zeros((count, count))
     corners = [surface.points[surface.triangles[surface.piece == k]] for k in range(count)]
     for k, own in enumerate(corners):
-        places = own.mean(axis=1)[:: max(1, len(own) // SAMPLES)]
+        places = own.mean(axis=1)[:: max(1, len(own) // SAMPLED_CORNERS)]
         for m, other in enumerate(corners):
             low, high = other.min(axis=(0, 1)), other.max(axis=(0, 1))
             in_box = ((places > low) & (places < high)).all(axis=1)
             if k != m and in_box.any():
-                turns = np.array([winding(other, place) for place in places[in_box]])
+                turns = np.array([winding_number(other, place) for place in places[in_box]])
                 inside[k, m] = (np.abs(turns) > 0.5).sum() / len(places)
     pierced = bool(((inside > 0) & (inside < 1)).any())
 
@@ -264,11 +274,11 @@ def _bodies(surface: Surface, name: str) -> tuple[list[list[int]], bool]:
 
 def _by_volume(surface: Surface, bodies: list[list[int]]) -> list[list[int]]:
     """The bodies by descending volume."""
-    volume = np.abs(np.bincount(surface.piece, volumes(surface.points, surface.triangles)))
+    volume = np.abs(np.bincount(surface.piece, signed_volumes(surface.points, surface.triangles)))
     return sorted(bodies, key=lambda body: -volume[body[0]])
 
 
-def winding(corners: Array, point: Array) -> float:
+def winding_number(corners: Array, point: Array) -> float:
     """How often triangles with corners (t, 3, 3) wind around a point (3,): 1 inside, 0 outside. It
     is their solid angle over 4π (A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983)
     125)."""
@@ -280,24 +290,26 @@ def winding(corners: Array, point: Array) -> float:
     return float(angles.sum() / (2 * np.pi))
 
 
-def _surface_to_fill(ask: Request) -> tuple[Surface, list[list[int]]]:
+def _surface_to_fill(request: Request) -> tuple[Surface, list[list[int]]]:
     """(closed surface of the requested bodies, pieces of each); cavities point inward."""
-    surface = surface_of(ask)
+    surface = read_surface(request)
     if surface.open_edges:
         raise MeshError(
-            f"{ask.name} is not closed: {surface.open_edges} of its edges do not belong to two "
+            f"{request.name} is not closed: {surface.open_edges} of its edges do not belong to two "
             "triangles; repair it, or read it as a sheet, without solid."
         )
 
-    bodies, pierced = _bodies(surface, ask.name)
-    if ask.piece is not None:
-        if ask.piece > len(bodies):
-            raise MeshError(f"{ask.name} has {len(bodies)} bodies; there is no piece {ask.piece}.")
+    bodies, pierced = _bodies(surface, request.name)
+    if request.piece is not None:
+        if request.piece > len(bodies):
+            raise MeshError(
+                f"{request.name} has {len(bodies)} bodies; there is no piece {request.piece}."
+            )
         if len(bodies) > 1:
-            surface.remarks.append(piece_is_read(ask.name, ask.piece, len(bodies)))
-        bodies = [_by_volume(surface, bodies)[ask.piece - 1]]
-    elif pierced and not ask.by_ftetwild:
-        raise UnmeshableError(f"the closed surfaces of {ask.name} pierce each other.")
+            surface.remarks.append(piece_is_read(request.name, request.piece, len(bodies)))
+        bodies = [_by_volume(surface, bodies)[request.piece - 1]]
+    elif pierced and not request.by_ftetwild:
+        raise UnmeshableError(f"the closed surfaces of {request.name} pierce each other.")
 
     cavities = np.isin(surface.piece, [k for body in bodies for k in body[1:]])
     surface.triangles[cavities] = surface.triangles[cavities][:, ::-1]
@@ -307,16 +319,16 @@ def _surface_to_fill(ask: Request) -> tuple[Surface, list[list[int]]]:
 # --- Filling --------------------------------------------------------------------------------------
 
 
-def fill(gmsh: ModuleType, ask: Request) -> tuple[Surface, Names]:
+def add_filled_surface(gmsh: ModuleType, request: Request) -> tuple[Surface, EntityNames]:
     """Put the closed surface into gmsh's model as volumes; (the surface, names of gmsh's faces)."""
     import trimesh
 
-    surface, bodies = _surface_to_fill(ask)
+    surface, bodies = _surface_to_fill(request)
     side = surface.sides()
     points, triangles, piece = surface.points, surface.triangles, surface.piece
-    size = np.inf if ask.size is None else ask.size / ask.unit[0]
+    size = np.inf if request.size is None else request.size / request.unit[0]
     while (
-        4 * len(triangles) <= MOST_DIVIDED
+        4 * len(triangles) <= MOST_DIVIDED_TRIANGLES
         and trimesh.Trimesh(points, triangles, process=False).edges_unique_length.max() > size
     ):
         points, triangles = trimesh.remesh.subdivide(points, triangles)
@@ -328,7 +340,7 @@ def fill(gmsh: ModuleType, ask: Request) -> tuple[Surface, Names]:
         tag = gmsh.model.addDiscreteEntity(2)
         gmsh.model.mesh.addNodes(2, tag, nodes + 1, points[nodes].ravel())
         gmsh.model.mesh.addElementsByType(tag, 2, own + 1, (triangles[own] + 1).ravel())
-    gmsh.option.setNumber("Mesh.Algorithm", DELAUNAY)
+    gmsh.option.setNumber("Mesh.Algorithm", DELAUNAY_ALGORITHM)
     gmsh.model.mesh.classifySurfaces(math.radians(SHARP_ANGLE), True, True, math.pi)
     gmsh.model.mesh.createGeometry()
 
@@ -344,22 +356,22 @@ def fill(gmsh: ModuleType, ask: Request) -> tuple[Surface, Names]:
     return surface, {(2, tag): [f"face {side[k] + 1}"] for tag, k in triangle_of.items()}
 
 
-def by_ftetwild(ask: Request) -> FileMesh:
+def mesh_by_ftetwild(request: Request) -> FileMesh:
     """Mesh of tetrahedra in a surface by fTetWild (Hu et al., ACM Trans. Graph. 39 (2020) 117),
-    within `ENVELOPE` of it; its smooth sides are groups."""
+    within `FTETWILD_ENVELOPE` of it; its smooth sides are groups."""
     import pytetwild
     from scipy.spatial import cKDTree
 
-    ask.allow(FTETWILD_TIME)
-    surface, _ = _surface_to_fill(ask)
+    request.limit_time(FTETWILD_TIME)
+    surface, _ = _surface_to_fill(request)
     corners = surface.points[surface.triangles]
     diagonal = float(np.linalg.norm(np.ptp(corners, axis=(0, 1))))
-    size = np.inf if ask.size is None else ask.size / ask.unit[0]
+    size = np.inf if request.size is None else request.size / request.unit[0]
     points, cells = pytetwild.tetrahedralize(
         surface.points,
         surface.triangles.astype(np.int32),
         edge_length_fac=min(size / diagonal, 1.0),
-        epsilon=ENVELOPE,
+        epsilon=FTETWILD_ENVELOPE,
         num_threads=1,
     )
 
@@ -374,8 +386,9 @@ def by_ftetwild(ask: Request) -> FileMesh:
 
     mesh = FileMesh(points, {"tetra": cells, "triangle": outer}, groups, of_gmsh=True)
     told = (
-        f"{ask.name} {BY_FTETWILD} with tetrahedra of one size, without smaller ones (refine), "
-        f"whose faces lie within {100 * ENVELOPE:g} % of its diagonal from its surface."
+        f"{request.name} {FTETWILD_PHRASE} with tetrahedra of one size, without smaller ones "
+        "(refine), "
+        f"whose faces lie within {100 * FTETWILD_ENVELOPE:g} % of its diagonal from its surface."
     )
     mesh.remarks = [*surface.remarks, told]
     return mesh

@@ -47,15 +47,15 @@ MEMORY_PER_BYTE = 100
 #: Share of the machine's memory that no reader exceeds.
 READER_MEMORY_SHARE = 0.9
 #: The only environment variables that the reading process gets.
-ENVIRONMENT = ("PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS", "ANTIOSC_FOLDER")
+READER_ENVIRONMENT = ("PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS", "ANTIOSC_FOLDER")
 #: Folders of files that are no data: reading them may never end.
-SYSTEM = ("/proc", "/sys", "/dev")
+SYSTEM_FOLDERS = ("/proc", "/sys", "/dev")
 
 
-def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | None) -> FileMesh:
+def read_isolated(path: Path, *, geometry: bool, options: Json, timeout: float | None) -> FileMesh:
     """Read a file in a separate process; `geometry`: its mesh may be much larger than the file."""
     name = printable(path.name)
-    size = _size(path)
+    size = _file_size(path)
     most = int(READER_MEMORY_SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     needed = most if geometry else min(most, LEAST_MEMORY + MEMORY_PER_BYTE * size)
     memory = max(needed, LEAST_MEMORY)
@@ -67,14 +67,14 @@ def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | No
         request["folder"] = os.getcwd() if options.get("trust") else folder
         meshes = geometry and not options.get("outline")
         with doing(f"{'meshing' if meshes else 'reading'} {name}"):
-            code, response = _ask(request)
+            code, response = _run_reader(request)
 
     if code != 0:
         raise _reader_error(name, code, memory, geometry, timeout is None)
     return _mesh_of_response(name, response, memory)
 
 
-def _size(path: Path) -> int:
+def _file_size(path: Path) -> int:
     """Size of a regular file, bytes; MeshError for anything else, which might never end."""
     shown = printable(str(path))[:200]
 
@@ -87,7 +87,7 @@ def _size(path: Path) -> int:
             f"{shown!r} cannot be opened: {printable(reason)} (working folder: {Path.cwd()})."
         ) from None
 
-    if not stat.S_ISREG(status.st_mode) or real.startswith(SYSTEM):
+    if not stat.S_ISREG(status.st_mode) or real.startswith(SYSTEM_FOLDERS):
         kind = "folder" if stat.S_ISDIR(status.st_mode) else "pipe or device"
         raise MeshError(f"{shown!r} is a {kind}, not a file with a mesh.")
     if not os.access(path, os.R_OK):
@@ -97,11 +97,11 @@ def _size(path: Path) -> int:
     return status.st_size
 
 
-def _ask(request: Json) -> tuple[int, bytes]:
+def _run_reader(request: Json) -> tuple[int, bytes]:
     """Run the reading process `child.py` on a request; returns (exit code, response)."""
     # "" stands for the working folder, which holds no packages
     line = {**request, "sys_path": [os.path.abspath(p) for p in sys.path if p]}
-    environment = {name: os.environ[name] for name in ENVIRONMENT if name in os.environ}
+    environment = {name: os.environ[name] for name in READER_ENVIRONMENT if name in os.environ}
     process = subprocess.Popen(
         [sys.executable, "-I", "-S", "-B", str(Path(__file__).resolve().with_name("child.py"))],
         stdin=subprocess.PIPE,
@@ -123,7 +123,7 @@ def _ask(request: Json) -> tuple[int, bytes]:
 
 def _reader_error(name: str, code: int, memory: int, geometry: bool, again: bool) -> MeshError:
     """The error for a reader that ended early; `again`: another attempt may follow."""
-    if -code in OVERTIME:
+    if -code in TIMEOUT_SIGNALS:
         size = ", or a larger element size" if geometry else ""
         return (UnmeshableError if geometry and again else MeshError)(
             f"reading {name} took longer than a file of its kind and size may take: give a longer "
@@ -174,14 +174,14 @@ def _printable(value: Any) -> Any:
 Refinement = tuple[Sequence[float], float]
 #: Growth of the sizes per unit of distance from a refined point, and how many of the smallest size
 #: are between the point and where it begins.
-GRADING = (0.35, 2.0)
+SIZE_GRADING = (0.35, 2.0)
 #: Elements around a full turn of a curved surface: of the first attempt to mesh a geometry, and of
 #: the second. Second-order ones that are fewer fold over at fillets, and cut off their volume.
-AROUND, AROUND_CLOSELY = 6.0, 12.0
+ELEMENTS_PER_TURN, RETRY_ELEMENTS_PER_TURN = 6.0, 12.0
 #: Times as long as it may compute, a reader that waits may take: a busy machine lets it wait.
-WAITING = 20.0
+WAITING_FACTOR = 20.0
 #: How the kernel ends a reader that takes too long.
-OVERTIME = (signal.SIGALRM, signal.SIGPROF)
+TIMEOUT_SIGNALS = (signal.SIGALRM, signal.SIGPROF)
 #: "unstated": what materials get that the deck does not state: density [kg/m³], modulus [Pa] (None:
 #: nothing) and whether they may have no mass; "parts": names of parts, "piece": rank of a piece by
 #: its size, None: all; "root": folder of included files, None: the reader chooses
@@ -197,11 +197,11 @@ class Request:
     size: float | None = None  # largest element size in m; geometry only
     order: int | None = None  # geometric order, 1 or 2
     refine: Sequence[Refinement] = ()  # points with their element sizes, m; geometry only
-    grading: Sequence[float] = GRADING  # of the sizes around these points
+    grading: Sequence[float] = SIZE_GRADING  # of the sizes around these points
     #: element sizes all over the geometry, as arguments of a `SizeField`; geometry only
     sizes: Json | None = None
     #: least number of elements around a full turn of curved surfaces; geometry only
-    around: float = AROUND
+    around: float = ELEMENTS_PER_TURN
     solid: bool = False  # fill a closed surface
     by_ftetwild: bool = False  # fill it by fTetWild, as gmsh cannot
     fragments: bool = False  # cut the solids of an assembly at each other, so that they share nodes
@@ -223,18 +223,18 @@ class Request:
             most = most if hard == resource.RLIM_INFINITY else min(most, hard)
             resource.setrlimit(resource_kind, (most, hard))
 
-    def allow(self, seconds: float) -> None:
+    def limit_time(self, seconds: float) -> None:
         """Let the kernel end this process after `seconds` of processor time, or at `timeout`."""
-        for ending in OVERTIME:
+        for ending in TIMEOUT_SIGNALS:
             signal.signal(ending, signal.SIG_DFL)
         if self.timeout is None:
             signal.setitimer(signal.ITIMER_PROF, seconds)
-            signal.setitimer(signal.ITIMER_REAL, WAITING * seconds)
+            signal.setitimer(signal.ITIMER_REAL, WAITING_FACTOR * seconds)
         else:
             remaining = max(self.timeout - (time.monotonic() - self.started), 1e-3)
             signal.setitimer(signal.ITIMER_REAL, remaining)
 
-    def seal(self) -> None:
+    def limit_output(self) -> None:
         """Limit each file written from now on to 1 MB, unless the input is trusted."""
         if not self.trust:
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -253,25 +253,25 @@ class FileReader(NamedTuple):
 
 Kind = TypeVar("Kind")
 #: The package of decks in this distribution; registrations of other packages precede its own.
-OWN = "antiosc_decks."
+OWN_DECK_PACKAGE = "antiosc_decks."
 
 
-def registered(group: str) -> tuple[metadata.EntryPoint, ...]:
+def entry_points_of(group: str) -> tuple[metadata.EntryPoint, ...]:
     """Entry points of a group, not loaded yet, those of other packages first."""
-    return _found(group, tuple(filter(None, sys.path)))
+    return _entry_points(group, tuple(filter(None, sys.path)))
 
 
 @functools.lru_cache
-def _found(group: str, path: tuple[str, ...]) -> tuple[metadata.EntryPoint, ...]:
+def _entry_points(group: str, path: tuple[str, ...]) -> tuple[metadata.EntryPoint, ...]:
     """Unloaded entry points of `group` among the packages in the folders `path`."""
     from importlib import metadata  # its modules for mails take 16 ms of each start
 
     installed = (e for d in metadata.distributions(path=list(path)) for e in d.entry_points)
     entries = dict.fromkeys(entry for entry in installed if entry.group == group)
-    return tuple(sorted(entries, key=lambda entry: entry.value.startswith(OWN)))
+    return tuple(sorted(entries, key=lambda entry: entry.value.startswith(OWN_DECK_PACKAGE)))
 
 
-def loaded(entry: metadata.EntryPoint, kind: type[Kind]) -> Kind:
+def load_entry_point(entry: metadata.EntryPoint, kind: type[Kind]) -> Kind:
     """The object that an entry point names; MissingDependencyError unless it is a `kind`."""
     try:
         reader = entry.load()
@@ -298,40 +298,44 @@ def loaded(entry: metadata.EntryPoint, kind: type[Kind]) -> Kind:
 # `StringToName`, which is refused too.
 
 #: Comments, which gmsh does not get: gmsh runs the very text that is checked.
-COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+SCRIPT_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 #: Commands and fields that run programs, or read or write files.
-COMMANDS = (
+REFUSED_COMMANDS = (
     *("System", "SystemCall", "NonBlockingSystemCall", "OnelabRun", "Plugin", "CreateDir"),
     *("Include", "Merge", "MergeWithBoundingBox", "Print", "Save", "SendToServer"),
     *("ShapeFromFile", "ListFromFile", "StringToName", "S2N"),
     *("ExternalProcess", "Structured", "ExternalField"),
 )
 #: Options that name files and programs, or commands to be executed later.
-OPTIONS = (
+REFUSED_OPTIONS = (
     *(r"FileName\w*", r"File\d+", r"Command\w*", r"Executable\w*", "Interpreter", "Editor"),
     *(r"WatchFile\w*", r"RemoteLogin\d*", "SocketName", "SaveOptions", "SaveSession"),
     "Solver",
 )
 #: Anywhere in the text, also behind a digit or in a string: gmsh may begin a word there.
-REFUSED = re.compile(rf"(?:{'|'.join(COMMANDS + OPTIONS)})(?![A-Za-z_0-9])", re.ASCII)
+REFUSED_WORDS = re.compile(
+    rf"(?:{'|'.join(REFUSED_COMMANDS + REFUSED_OPTIONS)})(?![A-Za-z_0-9])", re.ASCII
+)
 #: A geometry of CAD beside the script may be merged.
-MERGE = re.compile(r'\bMerge\s*"(\w[\w\- .+=()]*\.(?:step|stp|brep|iges|igs))"\s*;', re.ASCII)
+MERGE_COMMAND = re.compile(
+    r'\bMerge\s*"(\w[\w\- .+=()]*\.(?:step|stp|brep|iges|igs))"\s*;', re.ASCII
+)
 #: `Printf("…") > "file"`: what is printed goes into a file.
-PRINTING = re.compile(r"Printf|Error|Warning")
-INTO_FILE = re.compile(r"[)\]]\s*>")
+PRINT_COMMAND = re.compile(r"Printf|Error|Warning")
+FILE_OUTPUT = re.compile(r"[)\]]\s*>")
 
 
-def harmless(text: str, name: str) -> tuple[str, list[str]]:
+def checked_script(text: str, name: str) -> tuple[str, list[str]]:
     """(a script of gmsh without comments, names of the CAD files that it merges). MeshError if it
     could run programs, or read or write other files."""
     if "\0" in text:
         raise MeshError(f"{name} is binary and no script of gmsh: write it as .step or .inp.")
 
-    text = COMMENT.sub(lambda found: " " + "\n" * found[0].count("\n"), text)
-    checked = MERGE.sub(lambda found: "\n" * found[0].count("\n"), text)
-    refused = REFUSED.search(checked)
-    if refused is None and PRINTING.search(checked):
-        refused = INTO_FILE.search(checked)
+    text = SCRIPT_COMMENT.sub(lambda found: " " + "\n" * found[0].count("\n"), text)
+    checked = MERGE_COMMAND.sub(lambda found: "\n" * found[0].count("\n"), text)
+    refused = REFUSED_WORDS.search(checked)
+    if refused is None and PRINT_COMMAND.search(checked):
+        refused = FILE_OUTPUT.search(checked)
     if refused:
         line = checked.count("\n", 0, refused.start()) + 1
         raise MeshError(
@@ -341,4 +345,4 @@ def harmless(text: str, name: str) -> tuple[str, list[str]]:
         )
 
     # gmsh 4.8 ignores a last line without a line end
-    return text + "\n", MERGE.findall(text)
+    return text + "\n", MERGE_COMMAND.findall(text)

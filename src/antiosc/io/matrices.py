@@ -22,12 +22,12 @@ import scipy.sparse
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.io.isolation import loaded, registered
+from antiosc.io.isolation import entry_points_of, load_entry_point
 
 #: What is told of a table of entries.
-WHOLE_NUMBERS = "rows, nodes and dofs must be whole numbers."
+WHOLE_NUMBERS_RULE = "rows, nodes and dofs must be whole numbers."
 #: Numbers as Fortran writes them: 1.5D+03, 1.5+103 without a letter.
-_FORTRAN = re.compile(rb"([0-9.])[dD]([+-]?[0-9])|([0-9.])([+-][0-9]{1,3})(?![0-9.])")
+_FORTRAN_NUMBERS = re.compile(rb"([0-9.])[dD]([+-]?[0-9])|([0-9.])([+-][0-9]{1,3})(?![0-9.])")
 
 
 class MatrixFile:
@@ -59,7 +59,7 @@ class MatrixFile:
         if not holds:
             raise self.error(line, text)
 
-    def at_byte(self, offset: int, text: str) -> InputError:
+    def error_at_byte(self, offset: int, text: str) -> InputError:
         """An InputError that names the file and the byte `offset` before the sentence `text`."""
         return InputError(f"{self.name}, byte {offset}: {text}")
 
@@ -78,13 +78,13 @@ class MatrixFile:
         """Matrix of lines (row, column, value); `size` None: the highest row number."""
         table = self.table(lines, numbers, 3)
         whole = (table[:, :2] % 1 == 0) & (table[:, :2] >= 1) & (table[:, :2] < 2**31)
-        self.needs(whole.all(), numbers[int(whole.all(axis=1).argmin())], WHOLE_NUMBERS)
+        self.needs(whole.all(), numbers[int(whole.all(axis=1).argmin())], WHOLE_NUMBERS_RULE)
 
         row, column = table[:, :2].astype(np.int64).T - 1
         count = int(max(row.max(), column.max())) + 1 if size is None else size
-        triangle = one_triangle(self.name, row, column, count)
+        triangle = has_one_triangle(self.name, row, column, count)
         return Entries(
-            self.name, row, column, table[:, 2], count, triangle, counted=size is not None
+            self.name, row, column, table[:, 2], count, triangle, size_is_stated=size is not None
         )
 
 
@@ -96,14 +96,14 @@ def _floats(text: bytes) -> Array | None:
         pass
 
     try:
-        return np.array(fortran(text).split(), dtype=float)
+        return np.array(with_plain_exponents(text).split(), dtype=float)
     except ValueError:
         return None
 
 
-def fortran(text: bytes) -> bytes:
+def with_plain_exponents(text: bytes) -> bytes:
     """The text with numbers as Fortran writes them (1D+3) in the form 1E+3."""
-    return _FORTRAN.sub(
+    return _FORTRAN_NUMBERS.sub(
         lambda m: m[1] + b"E" + m[2] if m[1] is not None else m[3] + b"E" + m[4], text
     )
 
@@ -131,7 +131,7 @@ class Entries:
     size: int  # number of rows
     triangle: bool  # whether it is one triangle of a symmetric matrix
     labels: Labels | None = None  # (size, 2) node and component of each row, if the file has them
-    counted: bool = True  # whether the file says its size, which else is the last row named
+    size_is_stated: bool = True  # whether the file says its size, which else is the last row named
 
     def matrix(self) -> scipy.sparse.csr_matrix:
         """The sparse matrix; repeated entries are added."""
@@ -142,7 +142,7 @@ class Entries:
         return (A + A.T - scipy.sparse.diags(A.diagonal())).tocsr()
 
 
-def of_labels(source: str, table: Array, triangle: bool | None) -> Entries:
+def entries_by_labels(source: str, table: Array, triangle: bool | None) -> Entries:
     """Entries from rows (node, component, node, component, value) of `table`. `triangle`: whether
     only one triangle of the symmetric matrix is listed; None: to be found out."""
     pairs = table[:, :4].reshape(-1, 2).astype(np.int64)
@@ -150,11 +150,11 @@ def of_labels(source: str, table: Array, triangle: bool | None) -> Entries:
     row, column = index.reshape(-1, 2).T
     value = table[:, 4]
     if triangle is None:
-        triangle = one_triangle(source, row, column, len(labels))
+        triangle = has_one_triangle(source, row, column, len(labels))
     return Entries(source, row, column, value, len(labels), triangle, labels)
 
 
-def one_triangle(source: str, row: IntArray, column: IntArray, size: int) -> bool:
+def has_one_triangle(source: str, row: IntArray, column: IntArray, size: int) -> bool:
     """Whether one triangle of a matrix is listed; InputError if only some have a mirror."""
     off_diagonal = row != column
     keys = row[off_diagonal].astype(np.int64) * size + column[off_diagonal]
@@ -168,7 +168,7 @@ def one_triangle(source: str, row: IntArray, column: IntArray, size: int) -> boo
     raise InputError(f"{both}, but of entry ({i}, {j}) only one.")
 
 
-def checked(entries: Entries) -> Entries:
+def checked_entries(entries: Entries) -> Entries:
     """`entries`; InputError if a value is not finite, or a row or column outside the matrix."""
     source, size = entries.source, entries.size
     bad = ~np.isfinite(entries.value)
@@ -200,7 +200,7 @@ class MatrixFormat(NamedTuple):
 
 
 #: First word of the file.
-BANNER = b"%%MatrixMarket"
+MATRIX_MARKET_BANNER = b"%%MatrixMarket"
 
 
 def read_matrix_market(source: MatrixFile) -> Entries:
@@ -228,7 +228,7 @@ def read_matrix_market(source: MatrixFile) -> Entries:
             raise InputError(f"{source.name} promises {promised:.3g} entries: it is cut off.")
 
     header, _, rest = source.content.partition(b"\n")
-    content = header.replace(b"double", b"real") + b"\n" + fortran(rest)
+    content = header.replace(b"double", b"real") + b"\n" + with_plain_exponents(rest)
     newer = "spmatrix" in inspect.signature(scipy.io.mmread).parameters
     options = {"spmatrix": True} if newer else {}
 
@@ -259,7 +259,10 @@ def read_pair(
     mass: str | os.PathLike[str],
     names: tuple[str, str] | None = None,
 ) -> MatrixPair:
-    """Read K and M from files of any format; `names`: K's and M's in files of several."""
+    """Read K and M, each from a file in any format.
+
+    `names`: names of K and of M, where their files hold several matrices.
+    """
     pair = (None, None) if names is None else names
     if not isinstance(pair, list | tuple) or len(pair) != 2:
         raise InputError("names must be two, of K and of M: names=('KAA', 'MAA').")
@@ -267,11 +270,11 @@ def read_pair(
     M = _matrix_of(mass, "M", pair[1])
 
     size = max(K.size, M.size)
-    K, M = (matrix if matrix.counted else replace(matrix, size=size) for matrix in (K, M))
+    K, M = (matrix if matrix.size_is_stated else replace(matrix, size=size) for matrix in (K, M))
     labels = M.labels if K.labels is None else K.labels
 
     if K.labels is not None and M.labels is not None:
-        M = _in_order_of(K, M)
+        M = _mass_in_order_of(K, M)
     elif K.size != M.size:
         raise InputError(
             f"K and M must be of one size: {K.source} has {K.size} rows, {M.source} {M.size}."
@@ -287,7 +290,7 @@ def read_pair(
     return MatrixPair(K.matrix(), M.matrix(), labels)
 
 
-def _in_order_of(K: Entries, M: Entries) -> Entries:
+def _mass_in_order_of(K: Entries, M: Entries) -> Entries:
     """M with its rows in the order of those of K, matched by their labels (node, component)."""
     assert K.labels is not None
     assert M.labels is not None
@@ -306,7 +309,7 @@ def _matrix_of(path: str | os.PathLike[str], letter: str, name: str | None) -> E
     source = MatrixFile(path)
     matrices = _matrices(source)
     if isinstance(matrices, Entries):
-        return checked(matrices)
+        return checked_entries(matrices)
 
     matching_keys = list(matrices)
     if name is not None:
@@ -321,17 +324,19 @@ def _matrix_of(path: str | os.PathLike[str], letter: str, name: str | None) -> E
             "names=('KAA', 'MAA')."
         )
 
-    return checked(matrices[matching_keys[0]])
+    return checked_entries(matrices[matching_keys[0]])
 
 
 def _matrices(source: MatrixFile) -> Entries | dict[str, Entries]:
     """The matrix of a file, or its matrices by name; the content determines the format."""
     content = source.content
-    if content[:14].lower() == BANNER.lower():
+    if content[:14].lower() == MATRIX_MARKET_BANNER.lower():
         return read_matrix_market(source)
     if re.match(rb"\s*function +a *=", content):
         return read_sierra(source)
-    for form in (loaded(entry, MatrixFormat) for entry in registered("antiosc.matrices")):
+    for form in (
+        load_entry_point(entry, MatrixFormat) for entry in entry_points_of("antiosc.matrices")
+    ):
         if form.matches(content):
             return form.read(source)
 
@@ -383,20 +388,20 @@ def read_abaqus(source: MatrixFile) -> Entries:
     )
     table = source.table(lines, numbers, columns)
     whole = ((table[:, :4] % 1 == 0) & (np.abs(table[:, :4]) < 2**31)).all(axis=1)
-    source.needs(whole.all(), numbers[int(whole.argmin())], WHOLE_NUMBERS)
-    return of_labels(source.name, table, None)
+    source.needs(whole.all(), numbers[int(whole.argmin())], WHOLE_NUMBERS_RULE)
+    return entries_by_labels(source.name, table, None)
 
 
 #: Distance [m] up to which a node that two bodies share is at one place in both.
-SAME_PLACE = 1e-6
+SAME_PLACE_DISTANCE = 1e-6
 #: Largest number of a dof: Abaqus's temperatures have 11 to 30.
-LARGEST_DOF = 30
+LARGEST_DOF_NUMBER = 30
 #: Displacements and rotations of a node by their numbers 1 to 6.
 DISPLACEMENTS = ("x", "y", "z")
 ROTATIONS = ("rx", "ry", "rz")
 COMPONENTS = (*DISPLACEMENTS, *ROTATIONS)
 #: The same in Ansys's mapping files and in Nastran's tables.
-_OTHER_NAMES = {
+_NUMBER_OF_COMPONENT = {
     **{name: k + 1 for k, name in enumerate(COMPONENTS)},
     **{name: k + 1 for k, name in enumerate(("ux", "uy", "uz", "rotx", "roty", "rotz"))},
     **{name: k + 1 for k, name in enumerate(("t1", "t2", "t3", "r1", "r2", "r3"))},
@@ -422,9 +427,10 @@ class DofMap:
         rows = self.rows(node)
         matches = rows[self.component[rows] == component]
         if not len(matches):
-            components = ", ".join(name_of(int(k)) for k in self.component[rows])
+            components = ", ".join(component_name(int(k)) for k in self.component[rows])
             raise InputError(
-                f"node {node} has no dof {name_of(component)} in the matrices: it has {components} "
+                f"node {node} has no dof {component_name(component)} in the matrices: it has "
+                f"{components} "
                 "(fixed dofs are left out by most programs)."
             )
 
@@ -438,16 +444,16 @@ class DofMap:
         return rows
 
 
-def name_of(component: int) -> str:
+def component_name(component: int) -> str:
     """Name of a component: x, y, z, rx, ry, rz; of any other its number as text."""
     return COMPONENTS[component - 1] if 1 <= component <= 6 else str(component)
 
 
-def component_of(dof: object) -> int:
+def component_number(dof: object) -> int:
     """Number of the component that a name (x, ux, t1, …) or number means; else InputError."""
     if not isinstance(dof, str):
         return checks.whole("dof", dof, least=0)
-    component = _OTHER_NAMES.get(dof.strip().lower())
+    component = _NUMBER_OF_COMPONENT.get(dof.strip().lower())
     if component is not None:
         return component
     if dof.strip().isdigit():
@@ -457,7 +463,7 @@ def component_of(dof: object) -> int:
     )
 
 
-def rows_of(supports: object, rows: DofMap | None) -> IntArray:
+def supported_rows(supports: object, rows: DofMap | None) -> IntArray:
     """Rows (n,) of the dofs that supports {node: "all" or names of dofs} fix, ascending."""
     if rows is None:
         raise InputError("supports by nodes need a map of the nodes and dofs of the matrices.")
@@ -470,7 +476,7 @@ def rows_of(supports: object, rows: DofMap | None) -> IntArray:
         if names == ["all"]:
             row_numbers += rows.rows(number).tolist()
         else:
-            row_numbers += [rows.row(number, component_of(name)) for name in names]
+            row_numbers += [rows.row(number, component_number(name)) for name in names]
 
     return np.unique(np.array(row_numbers, dtype=np.int64))
 
@@ -511,13 +517,15 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
 
     pairs = table[:, :2].astype(np.int64)
     bad = (
-        (pairs != table[:, :2]).any(axis=1) | (pairs < 0).any(axis=1) | (pairs[:, 1] > LARGEST_DOF)
+        (pairs != table[:, :2]).any(axis=1)
+        | (pairs < 0).any(axis=1)
+        | (pairs[:, 1] > LARGEST_DOF_NUMBER)
     )
     if bad.any():
         node, dof = table[bad.argmax(), :2]
         raise InputError(
             f"{name} gives nodes and dofs as whole numbers, of x, y, z, rx, ry, rz 1 to 6, of "
-            f"others 0 or up to {LARGEST_DOF}; got node {node:g}, dof {dof:g}."
+            f"others 0 or up to {LARGEST_DOF_NUMBER}; got node {node:g}, dof {dof:g}."
         )
     if len(np.unique(pairs, axis=0)) < size:
         raise InputError(f"{name} names one dof of a node twice.")
@@ -529,7 +537,7 @@ def _map_of_columns(columns: tuple[object, ...], size: int) -> Array:
     """Table (size, 2 or 5) of node, dof and perhaps x, y, z, each given as a sequence."""
     nodes = checks.floats("the nodes of map", columns[0], (size,))
     dofs = columns[1] if isinstance(columns[1], list | tuple | np.ndarray) else [columns[1]]
-    numbers = [component_of(dof.item() if isinstance(dof, np.generic) else dof) for dof in dofs]
+    numbers = [component_number(dof.item() if isinstance(dof, np.generic) else dof) for dof in dofs]
     if len(numbers) != size:
         raise InputError(f"map needs a dof for each of the {size} rows; got {len(numbers)}.")
     points = [checks.floats("the points of map", x, (size, 3)) for x in columns[2:]]
@@ -598,7 +606,7 @@ def _matlab_vector(source: MatrixFile) -> Array:
 Body: TypeAlias = tuple[Any, Any, DofMap | None]
 
 
-def tied(bodies: Sequence[Body]) -> Body:
+def joined_bodies(bodies: Sequence[Body]) -> Body:
     """One body of several, joined at the nodes with equal numbers; its K and M are the sums."""
     maps = [rows for *_, rows in bodies if rows is not None]
     if len(maps) < len(bodies):
@@ -609,7 +617,7 @@ def tied(bodies: Sequence[Body]) -> Body:
         raise InputError("the bodies have no node with the same number, at which they are tied.")
 
     points = np.vstack([rows.points for rows in maps])
-    apart = np.abs(points - points[first][np.ravel(index)]).max(axis=1) > SAME_PLACE
+    apart = np.abs(points - points[first][np.ravel(index)]).max(axis=1) > SAME_PLACE_DISTANCE
     if apart.any():
         raise InputError(f"node {labels[apart][0, 0]} of two bodies is not at one place.")
     ones = np.ones(len(labels)), (np.arange(len(labels)), np.ravel(index))
@@ -621,7 +629,7 @@ def tied(bodies: Sequence[Body]) -> Body:
 def _dof_as_number(source: MatrixFile, number: int, word: bytes) -> bytes:
     """A word of line `number` of a map file; the name of a dof becomes its number."""
     text = word.decode("ascii", "replace")
-    known = _OTHER_NAMES.get(text.lower())
+    known = _NUMBER_OF_COMPONENT.get(text.lower())
     source.needs(known or not text[:1].isalpha(), number, f"{text!r} is not the name of a dof.")
     return word if known is None else str(known).encode()
 

@@ -19,17 +19,17 @@ import numpy as np
 
 from antiosc.base.errors import MeshError, MissingDependencyError
 from antiosc.io import by_gmsh, facets
-from antiosc.io.conversion import as_carried, known
-from antiosc.io.isolation import FileReader, Request, loaded, registered
-from antiosc.io.neutral import CELLS, DIMENSION, FileMesh, IntArray, joined
+from antiosc.io.conversion import known_kind, with_supported_kinds
+from antiosc.io.isolation import FileReader, Request, entry_points_of, load_entry_point
+from antiosc.io.neutral import CELL_TYPES, DIMENSION, FileMesh, IntArray, joined_groups
 
 if TYPE_CHECKING:
     import meshio
 
 
-def read_by_meshio(ask: Request) -> FileMesh:
+def read_by_meshio(request: Request) -> FileMesh:
     """The content of a file in any format that meshio recognizes by its extension."""
-    mesh = _content(Path(ask.path), ask.name)
+    mesh = _content(Path(request.path), request.name)
     points = np.zeros((len(mesh.points), 3))
     if len(points):
         points[:, : mesh.points.shape[1]] = mesh.points
@@ -37,16 +37,18 @@ def read_by_meshio(ask: Request) -> FileMesh:
     cells: dict[str, list[IntArray]] = {}
     starts: list[int] = []
     for block in mesh.cells:
-        blocks = cells.setdefault(known(block.type, ask.name), [])
+        blocks = cells.setdefault(known_kind(block.type, request.name), [])
         starts.append(sum(map(len, blocks)))
         blocks.append(np.asarray(block.data, dtype=np.int64))
 
     result = FileMesh(points, {k: np.vstack(parts) for k, parts in cells.items()})
     sets = _cell_sets(mesh)
-    result.groups = joined((name, mesh.cells[k].type, starts[k] + rows) for name, k, rows in sets)
+    result.groups = joined_groups(
+        (name, mesh.cells[k].type, starts[k] + rows) for name, k, rows in sets
+    )
     result.node_sets = dict(_node_sets(mesh))
 
-    return as_carried(result, ask.name)
+    return with_supported_kinds(result, request.name)
 
 
 def _content(path: Path, name: str) -> meshio.Mesh:
@@ -93,10 +95,10 @@ def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
             values = np.asarray(values)
             if values.ndim != 1 or not np.issubdtype(values.dtype, np.integer):
                 continue
-            for value, rows in _by_value(values):
+            for value, rows in _rows_by_value(values):
                 names = [f"{key}={value}"]
                 if key in ("gmsh:physical", "medit:ref"):
-                    dim = DIMENSION[CELLS[mesh.cells[index].type][0]]
+                    dim = DIMENSION[CELL_TYPES[mesh.cells[index].type][0]]
                     names = [physical.get((value, dim), str(value))]
                 elif key in ("cell_tags", "gmsh:geometrical"):
                     names = families.get(value, [])
@@ -109,7 +111,7 @@ def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
                 yield str(name), index, np.asarray(rows, dtype=np.int64)
 
 
-def _by_value(values: IntArray) -> Iterator[tuple[int, IntArray]]:
+def _rows_by_value(values: IntArray) -> Iterator[tuple[int, IntArray]]:
     """Yield (value, rows that have it) for each different value, ascending."""
     order = np.argsort(values, kind="stable")
     distinct, first = np.unique(values[order], return_index=True)
@@ -138,37 +140,37 @@ def _node_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, IntArray]]:
 # points of the group `antiosc.readers`; all other types go to meshio.
 
 #: Name is the ending of the files without its dot, value a `FileReader`.
-GROUP = "antiosc.readers"
-GMSH = FileReader(by_gmsh.read)
-BUILT_IN = {
-    **dict.fromkeys((".msh", *by_gmsh.GEOMETRY), GMSH),
-    **dict.fromkeys(facets.SURFACES, FileReader(facets.read)),
+ENTRY_POINT_GROUP = "antiosc.readers"
+GMSH_READER = FileReader(by_gmsh.read)
+BUILT_IN_READERS = {
+    **dict.fromkeys((".msh", *by_gmsh.GEOMETRY_ENDINGS), GMSH_READER),
+    **dict.fromkeys(facets.SURFACE_ENDINGS, FileReader(facets.read)),
 }
-MESHIO = FileReader(read_by_meshio)
+MESHIO_READER = FileReader(read_by_meshio)
 #: Bytes from its begin by which the type of a file is recognized.
-FIRST_BYTES = 2**20
+RECOGNITION_BYTES = 2**20
 
 
 def reader_of(path: str | Path, solid: bool = False) -> FileReader:
     """The reader of a file by ending and content; `solid`: it is a surface to be filled."""
     if solid:
-        return GMSH
+        return GMSH_READER
 
     ending = Path(path).suffix.lower()
-    for entry in registered(GROUP):
+    for entry in entry_points_of(ENTRY_POINT_GROUP):
         if f".{entry.name.lower()}" != ending:
             continue
-        reader = loaded(entry, FileReader)
-        if reader.matches is None or reader.matches(_start(path)):
+        reader = load_entry_point(entry, FileReader)
+        if reader.matches is None or reader.matches(_first_bytes(path)):
             return reader
 
-    return BUILT_IN.get(ending, MESHIO)
+    return BUILT_IN_READERS.get(ending, MESHIO_READER)
 
 
-def _start(path: str | Path) -> bytes:
+def _first_bytes(path: str | Path) -> bytes:
     """The first bytes of a file; b"" if it cannot be read."""
     with contextlib.suppress(OSError), Path(path).open("rb") as file:
-        return file.read(FIRST_BYTES)
+        return file.read(RECOGNITION_BYTES)
     return b""
 
 
@@ -179,7 +181,10 @@ def is_deck(path: str | Path) -> bool:
 
 def deck_endings() -> list[str]:
     """Endings of the files that `read_model` reads."""
-    readers = {f".{entry.name.lower()}": loaded(entry, FileReader) for entry in registered(GROUP)}
+    readers = {
+        f".{entry.name.lower()}": load_entry_point(entry, FileReader)
+        for entry in entry_points_of(ENTRY_POINT_GROUP)
+    }
     return sorted(
         ending for ending, reader in readers.items() if reader.model and not reader.matches
     )

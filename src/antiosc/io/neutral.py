@@ -19,9 +19,9 @@ from antiosc.base.errors import InputError
 from antiosc.base.plausible import GRAVITY
 
 #: Names of the flat sides of a mesh in its bounding box, where no group has them.
-SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")
+BOX_SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")
 #: By meshio's names: shape, nodes, number in gmsh.
-CELLS = {
+CELL_TYPES = {
     "vertex": ("point", 1, 15),
     "line": ("line", 2, 1),
     "line3": ("line", 3, 8),
@@ -55,7 +55,7 @@ SHAPES = {
 }
 DIMENSION = {shape: dim for shape, (dim, _, _) in SHAPES.items()}
 CORNERS = {shape: corners for shape, (_, corners, _) in SHAPES.items()}
-CARRIED = {shape: name for shape, (_, _, name) in SHAPES.items() if name}
+DOLFINX_SHAPES = {shape: name for shape, (_, _, name) in SHAPES.items() if name}
 #: Corners of the edges, in the order of their middle nodes.
 EDGES: dict[str, tuple[tuple[int, int], ...]] = {
     "point": (),
@@ -82,7 +82,7 @@ FACES: dict[str, tuple[tuple[int, ...], ...]] = {
 }
 
 
-def rectangles(shape: str) -> list[tuple[int, ...]]:
+def quadrilateral_faces(shape: str) -> list[tuple[int, ...]]:
     """Local corners of each quadrilateral face of a cell; a quadrilateral is its own face."""
     faces = FACES.get(shape, ((0, 1, 2, 3),) if shape == "quad" else ())
     return [face for face in faces if len(face) == 4]
@@ -90,21 +90,21 @@ def rectangles(shape: str) -> list[tuple[int, ...]]:
 
 IntArray = NDArray[np.int64]
 #: (dimension, tag) -> names
-Names = dict[tuple[int, int], list[str]]
+EntityNames = dict[tuple[int, int], list[str]]
 #: values as JSON holds them, by name
 Json: TypeAlias = dict[str, Any]
 #: A motion: (node, or -1 - k of the k-th point of no element; motion 0 to 5; coefficient).
-Term = tuple[int, int, float]
+MotionTerm = tuple[int, int, float]
 
 
 class Joints(TypedDict):
-    """Constraints, springs, dampers, masses between nodes as sums of motions (`Term`), SI units."""
+    """Constraints, springs, dampers and masses between nodes as sums of `MotionTerm`; SI units."""
 
-    equations: list[list[Term]]  # sums that are zero, the dependent motion first
-    springs: list[tuple[list[Term], float]]  # N/m
-    dampers: list[tuple[list[Term], float]]  # N s/m
+    equations: list[list[MotionTerm]]  # sums that are zero, the dependent motion first
+    springs: list[tuple[list[MotionTerm], float]]  # N/m
+    dampers: list[tuple[list[MotionTerm], float]]  # N s/m
     #: (motions, their mass matrix, kg, the mass of it that counts, kg)
-    masses: list[tuple[list[list[Term]], list[list[float]], float]]
+    masses: list[tuple[list[list[MotionTerm]], list[list[float]], float]]
     points: list[list[float]]  # of no element, m
     #: node that the deck does not have, of a face or by halving -> those of the deck among which it
     #: lies, with weights
@@ -146,12 +146,12 @@ class CellKind:
 
 
 #: By meshio's names.
-KINDS = {
+CELL_KINDS = {
     label: CellKind(
-        CARRIED[shape], DIMENSION[shape], 1 + (nodes > CORNERS[shape]), CORNERS[shape], nodes
+        DOLFINX_SHAPES[shape], DIMENSION[shape], 1 + (nodes > CORNERS[shape]), CORNERS[shape], nodes
     )
-    for label, (shape, nodes, _) in CELLS.items()
-    if shape in CARRIED and label not in ("quad8", "hexahedron20")
+    for label, (shape, nodes, _) in CELL_TYPES.items()
+    if shape in DOLFINX_SHAPES and label not in ("quad8", "hexahedron20")
 }
 FACETS: dict[str, Sequence[tuple[int, ...]]] = {
     "interval": ((0,), (1,)),
@@ -160,7 +160,7 @@ FACETS: dict[str, Sequence[tuple[int, ...]]] = {
     "tetrahedron": FACES["tetra"],
     "hexahedron": FACES["hexahedron"],
 }
-EDGES_OF_KIND = {CARRIED[shape]: EDGES[shape] for shape in ("tetra", "hexahedron")}
+EDGES_OF_KIND = {DOLFINX_SHAPES[shape]: EDGES[shape] for shape in ("tetra", "hexahedron")}
 
 
 class Piece(NamedTuple):
@@ -177,7 +177,7 @@ class Piece(NamedTuple):
 
 @dataclass
 class FileMesh:
-    """Nodes, cells of all kinds and groups of a file; `reading.selected` takes a mesh of it."""
+    """Nodes, cells of all kinds, groups of a file; `reading.selected_mesh` takes a mesh of it."""
 
     points: NDArray[np.float64]  # (n, 3) node coordinates, m
     cells: dict[str, IntArray]  # kind (a name of KINDS) -> (cells, nodes of one), vertices first
@@ -187,7 +187,7 @@ class FileMesh:
     node_sets: dict[str, IntArray] = field(default_factory=dict)
     of_gmsh: bool = False  # whether gmsh made it, which holds the cells of its curves and faces too
     #: once a group holds cells of the highest dimension, cells in no group are construction aids
-    aids: bool = False
+    has_construction_aids: bool = False
     #: entities that supports fix: name of the group for them -> {dimension: their vertices}
     fixed: dict[str, dict[int, IntArray]] = field(default_factory=dict)
     #: warnings about the file for the caller, one sentence each
@@ -219,7 +219,7 @@ class RawMesh:
     pieces: list[Piece] = field(default_factory=list)
 
 
-def joined(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, IntArray]]:
+def joined_groups(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, IntArray]]:
     """Groups name -> {kind: rows} from parts (name, kind, rows) of groups."""
     groups: dict[str, dict[str, list[IntArray]]] = {}
     for name, kind, rows in parts:
@@ -231,20 +231,20 @@ def joined(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, In
     }
 
 
-def of_kind(name: str, label: str) -> str:
+def fixed_group_name(name: str, label: str) -> str:
     """Name of the group of those fixed cells whose kind is `label`, if there are several kinds."""
     return f"{name}@{label}"
 
 
 #: Fields of a `FileMesh` that are values of JSON.
-_PLAIN_FIELDS = ("of_gmsh", "aids", "remarks", "model")
+_JSON_FIELDS = ("of_gmsh", "has_construction_aids", "remarks", "model")
 
 
 def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[Any]]]:
     """The mesh as (JSON values, arrays); the rows of all groups are in the first array."""
     node_sets = {name: {"": nodes} for name, nodes in mesh.node_sets.items()}
     tables: Json = {"groups": mesh.groups, "fixed": mesh.fixed, "node_sets": node_sets}
-    header = {name: getattr(mesh, name) for name in _PLAIN_FIELDS}
+    header = {name: getattr(mesh, name) for name in _JSON_FIELDS}
     header["cells"] = list(mesh.cells)
     header["sets"] = {
         field_name: [(name, [(key, e.shape) for key, e in of.items()]) for name, of in sets.items()]
@@ -266,7 +266,7 @@ def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
         raise ValueError(f"{len(labels)} numbers of {len(points)} nodes")
 
     for label, block in cells.items():
-        if block.ndim != 2 or block.shape[1] != KINDS[label].nodes:
+        if block.ndim != 2 or block.shape[1] != CELL_KINDS[label].nodes:
             raise ValueError(f"{label} cells of shape {block.shape}")
         _check_indices(block, len(points), f"the {label} cells name nodes")
 
@@ -281,7 +281,7 @@ def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
 
     sets["node_sets"] = {name: of[""] for name, of in sets["node_sets"].items()}
     pieces = [Piece(str(name), *np.array(box, float)) for name, *box in head["pieces"]]
-    plain = {name: head[name] for name in _PLAIN_FIELDS}
+    plain = {name: head[name] for name in _JSON_FIELDS}
     return FileMesh(points, cells, labels=labels, pieces=pieces, **plain, **sets)
 
 
@@ -295,7 +295,7 @@ def _check_indices(rows: IntArray, most: int, what: str) -> None:
 
 #: Name -> (m, N). "mm" is mm, N, t, MPa; "mm-kg" is mm, mN, kg, kPa; "mm-kgf" is mm, kgf,
 #: kgf/mm²; "in" is inch, pound-force, psi, lbf s²/in; "ft" is foot, pound-force, lbf/ft², slug.
-SYSTEMS = {
+UNIT_SYSTEMS = {
     **{"m": (1.0, 1.0), "mm": (1e-3, 1.0), "mm-kg": (1e-3, 1e-3), "cm": (1e-2, 1.0)},
     "mm-kgf": (1e-3, GRAVITY),
     "in": (0.0254, 4.4482216152605),
@@ -315,10 +315,10 @@ class UnitSystem:
         """The unit system of a name, or of a number of metres per unit, with forces in N."""
         if not isinstance(unit, str):
             return cls(positive("unit", unit, "m"))
-        if unit in SYSTEMS:
-            return cls(*SYSTEMS[unit])
+        if unit in UNIT_SYSTEMS:
+            return cls(*UNIT_SYSTEMS[unit])
 
-        names = ", ".join(map(repr, SYSTEMS))
+        names = ", ".join(map(repr, UNIT_SYSTEMS))
         raise InputError(
             f"unit must be one of {names}, or a number: metres per unit of length; got "
             f"{shown(unit)}."
@@ -340,7 +340,7 @@ class UnitSystem:
         return self.mass / self.length**3
 
 
-def keys(rows: NDArray[Any]) -> NDArray[np.uint64]:
+def row_hashes(rows: NDArray[Any]) -> NDArray[np.uint64]:
     """Hash (n,) of each row, whatever the order in it; two rows collide by chance with 1e-19."""
     mixed = np.zeros(len(rows), dtype=np.uint64)
 
@@ -357,11 +357,11 @@ def keys(rows: NDArray[Any]) -> NDArray[np.uint64]:
 def outer_facets(cells: NDArray[Any], sides: Sequence[Sequence[int]]) -> NDArray[Any]:
     """Facets (n, vertices) of one cell only; `sides`: local corners of a cell's facets."""
     facets = np.vstack([cells[:, list(side)] for side in sides])
-    _, first, count = np.unique(keys(facets), return_index=True, return_counts=True)
+    _, first, count = np.unique(row_hashes(facets), return_index=True, return_counts=True)
     return facets[first[count == 1]]
 
 
-def connected(tables: Iterable[IntArray], count: int) -> IntArray:
+def connected_pieces(tables: Iterable[IntArray], count: int) -> IntArray:
     """Number (count,) of each node's connected piece. A row of a table (n, k) connects its nodes;
     entries below 0 are ignored."""
     from scipy.sparse import coo_matrix  # few files need it, and it loads slowly

@@ -21,56 +21,62 @@ from scipy.spatial import cKDTree
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MeshError, PiecesError, UnmeshableError
 from antiosc.base.texts import piece_is_read, printable
-from antiosc.io.by_gmsh import CAD, GEOMETRY, SCRIPTS, STATES_UNIT, SizeField
-from antiosc.io.facets import BY_FTETWILD, SURFACES
-from antiosc.io.isolation import AROUND_CLOSELY, Refinement, read_apart
+from antiosc.io.by_gmsh import (
+    CAD_ENDINGS,
+    ENDINGS_WITH_UNIT,
+    GEOMETRY_ENDINGS,
+    SCRIPT_ENDINGS,
+    SizeField,
+)
+from antiosc.io.facets import FTETWILD_PHRASE, SURFACE_ENDINGS
+from antiosc.io.isolation import RETRY_ELEMENTS_PER_TURN, Refinement, read_isolated
 from antiosc.io.mesh_files import deck_endings, is_deck
 from antiosc.io.neutral import (
+    CELL_KINDS,
     EDGES_OF_KIND,
     FACETS,
-    KINDS,
     FileMesh,
     IntArray,
     Joints,
     Model,
+    MotionTerm,
     Piece,
     RawMesh,
-    Term,
     UnitSystem,
-    connected,
-    keys,
+    connected_pieces,
     outer_facets,
+    row_hashes,
 )
 
 #: Dimension, group or groups whose cells make the mesh.
-Wanted = int | str | Sequence[str] | None
-Rows = dict[str, IntArray]
+CellSelection = int | str | Sequence[str] | None
+RowsByKind = dict[str, IntArray]
 
 _NOUNS = {1: "lines", 2: "faces", 3: "volumes"}
 #: Words of what is told of elements that are not those of the mesh.
-AS_SIDES, LEFT_OUT = "are read as sides, not as elements", "are left out"
+READ_AS_SIDES_PHRASE, LEFT_OUT_PHRASE = "are read as sides, not as elements", "are left out"
 #: Words of remarks on how a mesh was made that has the shape of its file.
-CLOSELY = "is meshed with elements that follow the curvature"
-HOW_MADE = CLOSELY, BY_FTETWILD
+CURVATURE_PHRASE = "is meshed with elements that follow the curvature"
+REMESHING_PHRASES = CURVATURE_PHRASE, FTETWILD_PHRASE
 #: Share of the largest piece by which the volumes of two must differ to rank them.
-DISTINCT_SIZE = 0.01
+DISTINCT_VOLUME = 0.01
 #: Largest coordinate of a part: squares and volumes of it are numbers still.
-FARTHEST = 1e30
+LARGEST_COORDINATE = 1e30
 
 
-def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> RawMesh:
+def selected_mesh(mesh: FileMesh, wanted: CellSelection, order: int | None, name: str) -> RawMesh:
     """The `wanted` cells of a file as a mesh, by default those of the highest dimension. `order` 1:
     without mid-side nodes; `name`: of the file, for messages."""
-    dims = {label: KINDS[label].dim for label, block in mesh.cells.items() if len(block)}
+    dims = {label: CELL_KINDS[label].dim for label, block in mesh.cells.items() if len(block)}
     if not any(dims.values()):
         found = ", ".join(sorted(dims)) or "none"
         raise MeshError(f"{name} contains no cells: no lines, faces or volumes (found: {found}).")
 
     # the rows of the cells
-    rows = _every_row(mesh) if wanted is None else _selected_rows(mesh, wanted, name)
+    rows = _all_rows(mesh) if wanted is None else _selected_rows(mesh, wanted, name)
     top = max(dims[label] for label in rows)
     grouped = _rows_in_groups(mesh, [label for label in dims if dims[label] == top])
-    aids = wanted is None and mesh.aids and bool(grouped)
+    aids = wanted is None and mesh.has_construction_aids and bool(grouped)
     if aids:  # as gmsh itself writes files
         rows = grouped
     rows = {label: r for label, r in rows.items() if dims[label] == top and len(r)}
@@ -80,38 +86,38 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     ((label, cell_rows),) = rows.items()
 
     # the mesh
-    raw = RawMesh(mesh.points, mesh.cells[label][cell_rows], KINDS[label])
+    raw = RawMesh(mesh.points, mesh.cells[label][cell_rows], CELL_KINDS[label])
     raw.model, raw.pieces = mesh.model, mesh.pieces
     if len(mesh.labels):
         without = np.full(len(mesh.points) - len(mesh.labels), -1, dtype=np.int64)
         raw.labels = np.concatenate([mesh.labels, without])
-    others = _remarks_on_others(mesh, raw, aids, name) if wanted is None else ()
+    others = _remarks_on_unused_elements(mesh, raw, aids, name) if wanted is None else ()
     raw.remarks = [*mesh.remarks, *others]
 
     # its groups
     for group, parts in mesh.groups.items():
         for kind in (kind for kind in parts if dims[kind] <= top):
-            corners = mesh.cells[kind][parts[kind], : KINDS[kind].vertices]
-            _add(raw, group, dims[kind], corners)
+            corners = mesh.cells[kind][parts[kind], : CELL_KINDS[kind].vertices]
+            _add_to_group(raw, group, dims[kind], corners)
     if mesh.node_sets:
         _add_node_sets(raw, mesh.node_sets)
     raw.groups.update(mesh.fixed)
 
     if order == 1 and raw.kind.order == 2:  # without the mid-side nodes
-        linear = next(k for k in KINDS.values() if k.shape == raw.kind.shape and k.order == 1)
+        linear = next(k for k in CELL_KINDS.values() if k.shape == raw.kind.shape and k.order == 1)
         raw = replace(raw, cells=raw.cells[:, : linear.nodes], kind=linear)
-    return compact(raw)
+    return without_unused_nodes(raw)
 
 
-def _every_row(mesh: FileMesh) -> Rows:
+def _all_rows(mesh: FileMesh) -> RowsByKind:
     """Rows of all cells by kind."""
     return {label: np.arange(len(block)) for label, block in mesh.cells.items() if len(block)}
 
 
-def _selected_rows(mesh: FileMesh, wanted: Wanted, name: str) -> Rows:
+def _selected_rows(mesh: FileMesh, wanted: CellSelection, name: str) -> RowsByKind:
     """Rows, by kind, of the cells that the argument `cells` of `read_mesh` selects."""
     if isinstance(wanted, int):
-        rows = {k: r for k, r in _every_row(mesh).items() if KINDS[k].dim == wanted}
+        rows = {k: r for k, r in _all_rows(mesh).items() if CELL_KINDS[k].dim == wanted}
         if not rows:
             raise InputError(f"{name} contains no cells of dimension {wanted}.")
         return rows
@@ -120,94 +126,101 @@ def _selected_rows(mesh: FileMesh, wanted: Wanted, name: str) -> Rows:
     of_cells = sorted(
         group
         for group, parts in mesh.groups.items()
-        if any(KINDS[k].dim for k, rows in parts.items() if len(rows))
+        if any(CELL_KINDS[k].dim for k, rows in parts.items() if len(rows))
     )
     for group in names:
         if group not in of_cells:
             known = ", ".join(map(repr, of_cells[:20])) or "none"
             raise InputError(f"{name} has no group of cells {group!r}; it has: {known}.")
-    return _united([mesh.groups[group] for group in names])
+    return _union([mesh.groups[group] for group in names])
 
 
-def _rows_in_groups(mesh: FileMesh, labels: Sequence[str]) -> Rows:
+def _rows_in_groups(mesh: FileMesh, labels: Sequence[str]) -> RowsByKind:
     """Rows, by kind, of the cells of the kinds `labels` that belong to at least one group."""
     parts = [{k: r for k, r in g.items() if k in labels} for g in mesh.groups.values()]
-    return _united(parts)
+    return _union(parts)
 
 
-def _united(parts: Sequence[Rows]) -> Rows:
+def _union(parts: Sequence[RowsByKind]) -> RowsByKind:
     """Union of several selections of rows by kind."""
     labels = dict.fromkeys(label for part in parts for label, rows in part.items() if len(rows))
     return {k: np.unique(np.concatenate([p[k] for p in parts if k in p])) for k in labels}
 
 
-def _remarks_on_others(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> Iterator[str]:
+def _remarks_on_unused_elements(
+    mesh: FileMesh, raw: RawMesh, aids: bool, name: str
+) -> Iterator[str]:
     """Yield remarks on elements outside the mesh; MeshError if they may be of the part."""
     made_here = mesh.of_gmsh and not name.lower().endswith(".msh")
     top = raw.kind.dim
     grouped = _rows_in_groups(mesh, list(mesh.cells))
 
     if aids and not made_here:
-        counts = {label: len(block) for label, block in mesh.cells.items() if KINDS[label].dim}
+        counts = {label: len(block) for label, block in mesh.cells.items() if CELL_KINDS[label].dim}
         ungrouped = {label: n - len(grouped.get(label, ())) for label, n in counts.items()}
         if any(ungrouped.values()):
-            counted = _counted(ungrouped)
-            yield f"{name}: {counted} in no group {LEFT_OUT}, as gmsh's construction aids."
+            counted = _counts_text(ungrouped)
+            yield f"{name}: {counted} in no group {LEFT_OUT_PHRASE}, as gmsh's construction aids."
 
     loose: dict[str, int] = {}
     on_sides: dict[str, int] = {}
     for label, block in mesh.cells.items():
-        kind = KINDS[label]
+        kind = CELL_KINDS[label]
         if not 0 < kind.dim < top or not len(block):
             continue
         in_group = np.isin(np.arange(len(block)), grouped.get(label, []))
         sides = (FACETS if kind.dim == top - 1 else EDGES_OF_KIND)[raw.kind.shape]
         corners = np.vstack([raw.cells[:, list(side)] for side in sides])
-        on_mesh = np.isin(keys(block[:, : kind.vertices]), keys(corners))
+        on_mesh = np.isin(row_hashes(block[:, : kind.vertices]), row_hashes(corners))
 
         taken = in_group | (not aids)
         loose[label] = int((taken & ~on_mesh).sum())
         told = taken & on_mesh & ~(in_group & mesh.of_gmsh)  # gmsh's groups hold sides by nature
         on_sides[label] = int(told.sum())
 
-    if any(loose.values()) and name.lower().endswith(CAD):
+    if any(loose.values()) and name.lower().endswith(CAD_ENDINGS):
         yield (
-            f"{name}: {_counted(loose)} that are not on its {_NOUNS[top]} {LEFT_OUT}, as sketches, "
+            f"{name}: {_counts_text(loose)} that are not on its {_NOUNS[top]} {LEFT_OUT_PHRASE}, "
+            "as sketches, "
             "axes or construction planes."
         )
     elif any(loose.values()):
         raise MeshError(
-            f"{name} holds {len(raw.cells)} {_NOUNS[top]} and besides {_counted(loose)} that are "
+            f"{name} holds {len(raw.cells)} {_NOUNS[top]} and besides {_counts_text(loose)} that "
+            "are "
             f"not sides of them: say which elements make the mesh by cells, as {top} (their "
             "dimension) or the name of a group; read_model reads a deck with all of them."
         )
 
     if any(on_sides.values()) and not made_here and raw.model is None:
-        yield f"{name}: {_counted(on_sides)} on the sides of its {_NOUNS[top]} {AS_SIDES}."
+        yield (
+            f"{name}: {_counts_text(on_sides)} on the sides of its {_NOUNS[top]} "
+            f"{READ_AS_SIDES_PHRASE}."
+        )
 
 
-def _counted(counts: Mapping[str, int]) -> str:
+def _counts_text(counts: Mapping[str, int]) -> str:
     """Numbers of elements by kind as text."""
-    return " and ".join(f"{n} {_NOUNS[KINDS[k].dim]} ({k})" for k, n in counts.items() if n)
+    return " and ".join(f"{n} {_NOUNS[CELL_KINDS[k].dim]} ({k})" for k, n in counts.items() if n)
 
 
-def positions(rows: NDArray[Any], among: NDArray[Any]) -> IntArray:
+def row_positions(rows: NDArray[Any], among: NDArray[Any]) -> IntArray:
     """Index (n,) of each row in `among`, whatever the order of its entries; -1 if absent."""
     if not len(among):
         return np.full(len(rows), -1)
-    code, row_keys = keys(among), keys(rows)
+    code, row_keys = row_hashes(among), row_hashes(rows)
     order = np.argsort(code)
     position = np.minimum(np.searchsorted(code[order], row_keys), len(code) - 1)
     return np.where(code[order][position] == row_keys, order[position], -1)
 
 
-def _add(raw: RawMesh, group: str, dim: int, entities: IntArray) -> None:
+def _add_to_group(raw: RawMesh, group: str, dim: int, entities: IntArray) -> None:
     """Add entities (n, vertices) of dimension `dim` to a group."""
     parts = raw.groups.setdefault(group, {})
     parts[dim] = np.vstack([parts[dim], entities]) if dim in parts else entities
 
 
-def _add_node_sets(raw: RawMesh, node_sets: Rows) -> None:
+def _add_node_sets(raw: RawMesh, node_sets: RowsByKind) -> None:
     """Add node sets as groups: facets with all nodes in the set, and remaining vertices."""
     outer = raw.cells[:0]
     if raw.kind.dim > 1:
@@ -219,14 +232,14 @@ def _add_node_sets(raw: RawMesh, node_sets: Rows) -> None:
         in_set[nodes] = True
         spanned = outer[in_set[outer].all(axis=1)]
         if len(spanned):
-            _add(raw, group, raw.kind.dim - 1, spanned)
+            _add_to_group(raw, group, raw.kind.dim - 1, spanned)
         in_set[spanned] = False
         loose = np.flatnonzero(in_set & is_vertex)
         if len(loose):
-            _add(raw, group, 0, loose[:, None])
+            _add_to_group(raw, group, 0, loose[:, None])
 
 
-def compact(raw: RawMesh) -> RawMesh:
+def without_unused_nodes(raw: RawMesh) -> RawMesh:
     """The mesh without unused nodes and empty groups."""
     used_nodes = np.unique(raw.cells)
     points = raw.points[used_nodes]
@@ -252,7 +265,7 @@ def read(
     order: int | None = None,
     refine: Sequence[Refinement] = (),
     *,
-    cells: Wanted = None,
+    cells: CellSelection = None,
     piece: int | None = None,
     timeout: float | None = None,
     unit: UnitSystem | None = None,
@@ -265,7 +278,7 @@ def read(
     name = printable(path.name)
     suffix = path.suffix.lower()
     solid = bool(options.get("solid"))
-    by_reader = (suffix in CAD or solid) and not options.get("fragments")
+    by_reader = (suffix in CAD_ENDINGS or solid) and not options.get("fragments")
     options |= {
         "piece": piece if by_reader else None,
         "size": None if size is None else float(size),
@@ -276,7 +289,9 @@ def read(
 
     def attempt(**how: Any) -> RawMesh:
         """Read with the further options `how` of the request."""
-        raw = selected(content_of(path, timeout, unit, merge, **options, **how), cells, order, name)
+        raw = selected_mesh(
+            file_content(path, timeout, unit, merge, **options, **how), cells, order, name
+        )
         if piece is not None and not (by_reader and raw.kind.dim == 3):
             raw = one_piece(raw, piece, name)
         return sound(raw)
@@ -284,7 +299,7 @@ def read(
     try:
         return attempt()
     except UnmeshableError as error:
-        if not (suffix in GEOMETRY or solid) or merge is not None:
+        if not (suffix in GEOMETRY_ENDINGS or solid) or merge is not None:
             raise
         fault = str(error).rstrip(".")
 
@@ -295,10 +310,10 @@ def read(
         )
 
     try:
-        raw = attempt(**({"by_ftetwild": True} if solid else {"around": AROUND_CLOSELY}))
+        raw = attempt(**({"by_ftetwild": True} if solid else {"around": RETRY_ELEMENTS_PER_TURN}))
     except UnmeshableError as error:
         raise UnmeshableError(f"{fault}, nor otherwise: {remedy}, or give another size.") from error
-    how = "" if solid else f"{name} {CLOSELY}, since it cannot be meshed otherwise: "
+    how = "" if solid else f"{name} {CURVATURE_PHRASE}, since it cannot be meshed otherwise: "
     raw.remarks = [*raw.remarks, f"{how}{fault}."]
     return raw
 
@@ -308,14 +323,14 @@ def read(
 
 def piece_of_cells(raw: RawMesh) -> IntArray:
     """Number (cells,) of the connected piece of each cell; 0 is the largest piece."""
-    label = connected([raw.cells], len(raw.points))[raw.cells[:, 0]]
+    label = connected_pieces([raw.cells], len(raw.points))[raw.cells[:, 0]]
     pieces, piece_index = np.unique(label, return_inverse=True)
     piece_index = piece_index.ravel()
     if len(pieces) == 1:
         return piece_index
 
     size = np.bincount(piece_index, _relative_measures(raw))
-    steps = np.rint(size / (DISTINCT_SIZE * size.max()))
+    steps = np.rint(size / (DISTINCT_VOLUME * size.max()))
     rank = np.empty(len(pieces), dtype=np.int64)
     rank[np.argsort(-steps, kind="stable")] = np.arange(len(pieces))
     return rank[piece_index]
@@ -336,7 +351,7 @@ def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
     if piece > count:
         raise MeshError(f"{name} has {count} pieces that share no node; there is no piece {piece}.")
     of_piece = label == piece - 1
-    raw = compact(replace(raw, cells=raw.cells[of_piece]))
+    raw = without_unused_nodes(replace(raw, cells=raw.cells[of_piece]))
     raw.groups = {name: parts for name, parts in raw.groups.items() if parts}
     if count > 1:
         raw.remarks = [*raw.remarks, piece_is_read(name, piece, count)]
@@ -349,7 +364,7 @@ def pieces_of(raw: RawMesh) -> list[Piece]:
     _, first = np.unique(label, return_index=True)
     names: dict[int, str] = {}
     for name, parts in raw.groups.items():
-        inside = positions(
+        inside = row_positions(
             raw.cells[first, : raw.kind.vertices], parts.get(raw.kind.dim, first[:0])
         )
         if (inside >= 0).sum() == 1:  # others are of several pieces
@@ -381,12 +396,12 @@ def pieces_error(raw: RawMesh, what: str, remedy: str) -> PiecesError:
 # --- Contents -------------------------------------------------------------------------------------
 
 
-def outline(path: Path, **options: Any) -> FileMesh:
+def read_outline(path: Path, **options: Any) -> FileMesh:
     """Groups of a geometry, and the diagonals of its boxes as lines, without meshing it."""
-    return content_of(path, None, None, None, outline=True, **options)
+    return file_content(path, None, None, None, outline=True, **options)
 
 
-def content_of(
+def file_content(
     path: Path,
     timeout: float | None,
     unit: UnitSystem | None,
@@ -396,21 +411,21 @@ def content_of(
     """A file's content [m], nodes within `merge` [m] merged; `options`: fields of `Request`."""
     name, suffix = path.name, path.suffix.lower()
     solid = options.get("solid", False)
-    geometry = suffix in GEOMETRY or solid
+    geometry = suffix in GEOMETRY_ENDINGS or solid
 
     def refuse(fault: object, text: str) -> None:
         """MeshError with the file's name and `text`, if `fault` is true."""
         if fault:
             raise MeshError(f"{name} {text}.")
 
-    no_surface, no_cad = suffix not in SURFACES, suffix not in CAD
+    no_surface, no_cad = suffix not in SURFACE_ENDINGS, suffix not in CAD_ENDINGS
     refuse(solid and no_surface, "is no surface of triangles (.stl, .obj, .ply), as solid fills")
     joined = options.get("fragments") and no_cad
     refuse(joined, "is no file of CAD (.step, .brep, .iges), whose solids fragments joins")
-    meshed = geometry and suffix not in SCRIPTS and not options.get("outline")
+    meshed = geometry and suffix not in SCRIPT_ENDINGS and not options.get("outline")
     no_size = meshed and options.get("size") is None
     refuse(no_size, "is a geometry, not a mesh: give the element size in metres, as 5e-3")
-    stated = unit is not None and suffix in STATES_UNIT
+    stated = unit is not None and suffix in ENDINGS_WITH_UNIT
     refuse(stated, "states its own unit of length: leave unit out")
     unmerged = merge is not None and geometry and no_cad
     refuse(unmerged, "is a geometry: merge applies to finished meshes and decks")
@@ -421,26 +436,30 @@ def content_of(
     unit = unit or UnitSystem()
     options["unit"] = [unit.length, unit.force]
     timeout = None if timeout is None else float(timeout)  # for JSON, as the size
-    content = read_apart(path, geometry=geometry, options=options, timeout=timeout)
+    content = read_isolated(path, geometry=geometry, options=options, timeout=timeout)
     farthest = float(np.abs(content.points).max(initial=0.0))
-    damaged = f"has coordinates up to {farthest:.3g}, more than {FARTHEST:g}: it is damaged"
-    refuse(not farthest < FARTHEST, f"{damaged}; write it anew in the program that made it")
+    damaged = (
+        f"has coordinates up to {farthest:.3g}, more than {LARGEST_COORDINATE:g}: it is damaged"
+    )
+    refuse(
+        not farthest < LARGEST_COORDINATE, f"{damaged}; write it anew in the program that made it"
+    )
 
     content.points = content.points * unit.length
     content.pieces = [piece.scaled(unit.length) for piece in content.pieces]
-    return content if merge is None else merged(content, merge)
+    return content if merge is None else with_merged_nodes(content, merge)
 
 
 # --- Coincident nodes -----------------------------------------------------------------------------
 
 
-def merged(mesh: FileMesh, distance: float) -> FileMesh:
+def with_merged_nodes(mesh: FileMesh, distance: float) -> FileMesh:
     """The mesh with nodes merged that are at most `distance` [m] apart."""
     n = len(mesh.points)
     pairs = cKDTree(mesh.points).query_pairs(distance, output_type="ndarray")
     if mesh.model and mesh.model["apart"]:  # the released ends of beams
         pairs = pairs[~np.isin(pairs, mesh.model["apart"]).any(axis=1)]
-    label = connected([pairs], n)
+    label = connected_pieces([pairs], n)
     _, first = np.unique(label, return_index=True)
     remaining = np.sort(first)  # in the file's order
     new = np.empty(len(first), dtype=np.int64)
@@ -462,7 +481,7 @@ def _renumbered(model: Model, row: IntArray) -> Model:
     """The model with node n replaced by row[n]; negative numbers, points of no element, stay."""
     joints = model["joints"]
 
-    def new(terms: list[Term]) -> list[Term]:
+    def new(terms: list[MotionTerm]) -> list[MotionTerm]:
         """The terms with new node numbers."""
         return [(int(row[n]) if n >= 0 else n, motion, c) for n, motion, c in terms]
 

@@ -264,7 +264,7 @@ def reduced_matrices(
     """
     from scipy.linalg import block_diag  # takes long to load
 
-    from antiosc.io.matrices import component_of
+    from antiosc.io.matrices import component_number
 
     K = block_diag(stiffness, np.diag(omega**2))
     M = np.block([[static_mass, P], [P.T, np.eye(len(omega))]])
@@ -274,7 +274,7 @@ def reduced_matrices(
     given = range(1, sites + 1) if nodes is None else nodes
     of_nodes, of_dofs = (np.ravel(np.array(one, dtype=object)) for one in (given, dofs))
     numbers = [checks.whole("nodes", node, least=1) for node in of_nodes]
-    components = [component_of(dof) for dof in of_dofs]
+    components = [component_number(dof) for dof in of_dofs]
     components = components * sites if len(components) == 1 else components
     if len(numbers) != sites or len(components) != sites:
         raise InputError(

@@ -17,7 +17,7 @@ from antiosc.fem.mesh.finer import (
     refined,
 )
 from antiosc.fem.platform import compat
-from antiosc.io.isolation import GRADING
+from antiosc.io.isolation import SIZE_GRADING
 from antiosc.reduce.error.division import (
     LEAST_LINES,
     POWER,
@@ -130,7 +130,7 @@ def test_cells_around_points_have_the_sizes_of_the_points():
     """Of the first mesh: below 1/0.75 of the size asked at the distance of their middle."""
     mesh = plate((4, 3), (0.4, 0.3), "triangle")
     points = [((0.1, 0.1), 0.02), ((0.35, 0.2), 0.03)]
-    rise, reach = GRADING
+    rise, reach = SIZE_GRADING
 
     def asked(one: ao.Mesh) -> np.ndarray:
         sizes = []

@@ -12,7 +12,7 @@ from antiosc.fem.mesh import reading
 from antiosc.fem.mesh.reading import SIMPLICES, collapsed, folded, straightened
 from antiosc.fem.mesh.surface import quadrature
 from antiosc.fem.platform import compat
-from antiosc.io.neutral import KINDS
+from antiosc.io.neutral import CELL_KINDS
 from assemblies import box
 from parts import gmsh_session, moments
 
@@ -25,8 +25,8 @@ def test_two_cells_with_two_sides_in_common_are_found(name):
     lower = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]])
     lower = np.vstack([lower[:3], [[4, 5, 9, 7], [5, 8, 7, 9]]])
     cells = lower if name == "quad" else np.hstack([lower, lower + 10])
-    assert not len(reading.misfits(cells[:3], KINDS[name])[0])
-    assert reading.misfits(cells, KINDS[name])[0].tolist() == [3, 4]
+    assert not len(reading.misfits(cells[:3], CELL_KINDS[name])[0])
+    assert reading.misfits(cells, CELL_KINDS[name])[0].tolist() == [3, 4]
 
 
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron", "triangle", "quadrilateral"])

@@ -70,7 +70,7 @@ def test_sets_of_elements_and_of_those_that_are_no_cells(read):
     whole = read(text + "*ELSET,ELSET=B,GENERATE\n10,40,10\n*NODE,NSET=N\n1,9,9,9\n21,1,1,1\n")
     assert lists(whole.deck.element_sets) == {"A": [0, 3], "B": [0, 1, 2, 3]}
     assert whole.deck.points[whole.deck.node_sets["N"]].tolist() == [[9, 9, 9], [1, 1, 1]]
-    assert whole.deck.left == {"SPRINGA": 2, "MASS": 1}
+    assert whole.deck.skipped == {"SPRINGA": 2, "MASS": 1}
     others = [(kind, row.fields) for kind, row, _ in whole.others]
     assert others == [("SPRINGA", [*"713"]), ("SPRINGA", [*"835"]), ("MASS", [*"91"])]
     beside = {

@@ -111,11 +111,11 @@ def test_a_volume_that_differs_from_cad_is_told(tmp_path):
     mesh = ao.read_mesh(path, size=5e-3)
     assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850 * exact, rel=5e-3)
     with gmsh_session() as gmsh:
-        by_gmsh.opened_cad(gmsh, str(path))
+        by_gmsh.open_cad(gmsh, str(path))
         gmsh.option.setNumber("Mesh.ElementOrder", 2)
         gmsh.option.setNumber("Mesh.MeshSizeMax", 5e-3)
         gmsh.model.mesh.generate(3)
-        held = by_gmsh._mass(gmsh, 3, 1)
+        held = by_gmsh._measure(gmsh, 3, 1)
         assert held == pytest.approx(exact, rel=1e-9)
         assert by_gmsh._volume_remarks(gmsh, "rod.step", 1.005 * held) != []
         assert "too small" in by_gmsh._volume_remarks(gmsh, "rod.step", 1.05 * held)[0]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from antiosc.io.conversion import Block, Deck
-from antiosc.io.neutral import CORNERS, DIMENSION, EDGES, FACES, rectangles
+from antiosc.io.neutral import CORNERS, DIMENSION, EDGES, FACES, quadrilateral_faces
 from antiosc_decks.cells import as_mesh
 
 TRIANGLE = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
@@ -87,7 +87,7 @@ def test_new_nodes_lie_where_the_element_places_them(shapes):
             (block,) = (one for one in deck.blocks if ends <= set(one.corners[0].tolist()))
             own = block.corners[0]
             edges = [{int(own[i]), int(own[j])} for i, j in EDGES[block.shape]]
-            faces = [{int(own[i]) for i in face} for face in rectangles(block.shape)]
+            faces = [{int(own[i]) for i in face} for face in quadrilateral_faces(block.shape)]
             around = next((some for some in (*edges, *faces) if ends <= some), set(own.tolist()))
             place = serendipity(block, deck.points, set(map(int, around)))
             np.testing.assert_allclose(mesh.points[mid], place, atol=1e-12)
@@ -148,7 +148,7 @@ def needed(deck: Deck, edge: frozenset) -> set[int]:
         ends = [frozenset((own[a], own[b])) for a, b in EDGES[block.shape]]
         if edge in ends:
             return set(edge) | set(mids[k] for k in [ends.index(edge)] if mids)
-        faces = [{own[k] for k in face} for face in rectangles(block.shape)]
+        faces = [{own[k] for k in face} for face in quadrilateral_faces(block.shape)]
         around = next((face for face in faces if edge <= face), set(own))
         return around | {mid for mid, one in zip(mids, ends, strict=bool(mids)) if one <= around}
     raise AssertionError(edge)
@@ -157,7 +157,7 @@ def needed(deck: Deck, edge: frozenset) -> set[int]:
 def test_cells_of_several_dimensions_have_their_groups():
     deck = deck_of(["wedge", "quad", "line"], 1)
     deck.element_sets = {"a": np.array([0, 1]), "b": np.array([2]), "none": np.zeros(0, dtype=int)}
-    deck.left = {"MASS": 2, "SPRINGA": 1}
+    deck.skipped = {"MASS": 2, "SPRINGA": 1}
     deck.remarks = ["before"]
     mesh = as_mesh(deck)
     assert {label: len(cells) for label, cells in mesh.cells.items()} == {

@@ -19,9 +19,9 @@ pytest.importorskip("trimesh")
 from antiosc.base.errors import ChoiceWarning
 from antiosc.io import reading
 from antiosc.io.facets import (
-    SIDES,
+    TRIANGLE_SIDES,
     Surface,
-    surface_of,
+    read_surface,
 )
 from antiosc.io.isolation import Request
 from mesh_files import refusal
@@ -74,12 +74,12 @@ def write(path: Path, points: np.ndarray, triangles: np.ndarray) -> Path:
 
 def consistent(triangles: np.ndarray) -> bool:
     """Whether each edge is passed once in each direction at most."""
-    ends = np.vstack([triangles[:, list(side)] for side in SIDES])
+    ends = np.vstack([triangles[:, list(side)] for side in TRIANGLE_SIDES])
     return len(np.unique(ends, axis=0)) == len(ends)
 
 
 def loaded(path: Path) -> Surface:
-    return surface_of(Request(str(path), path.name))
+    return read_surface(Request(str(path), path.name))
 
 
 def test_a_damaged_surface_is_mended_told_and_turned_outward(tmp_path):
@@ -119,7 +119,7 @@ def test_a_cavity_and_two_bodies(tmp_path):
     beside = points * 0.5 + [20, 0, 0]
     every = np.vstack([triangles, triangles + len(points), triangles + 2 * len(points)])
     path = write(tmp_path / "hollow.stl", np.vstack([points, inner, beside]), every)
-    assert len(reading.outline(path).pieces) == 2
+    assert len(reading.read_outline(path).pieces) == 2
     for piece, volume in ((1, 1000 - 64), (2, 125)):
         with pytest.warns(ao.AntioscWarning, match="of 2 is read"):
             mesh = ao.read_mesh(path, size=3e-3, unit="mm", solid=True, piece=piece)

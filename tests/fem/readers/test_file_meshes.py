@@ -17,7 +17,7 @@ from antiosc.io import mesh_files, reading
 from antiosc.io.isolation import Request
 from antiosc.io.mesh_files import is_deck
 from antiosc.io.neutral import FileMesh, UnitSystem, packed, unpacked
-from antiosc.io.reading import selected
+from antiosc.io.reading import selected_mesh
 from refusals import refused
 
 CUBE = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
@@ -41,12 +41,19 @@ def whole() -> FileMesh:
     fixed = {"f": {0: np.array([[3], [5]]), 2: np.array([[0, 1, 2, 3]])}}
     fixed |= {"g": {1: np.array([[1, 2]])}}
     told, model = ["one", "two"], {"families": [["x", 1.5, None]]}
-    return cubes(groups=groups, node_sets=nodes, fixed=fixed, remarks=told, model=model, aids=True)
+    return cubes(
+        groups=groups,
+        node_sets=nodes,
+        fixed=fixed,
+        remarks=told,
+        model=model,
+        has_construction_aids=True,
+    )
 
 
 def same(one: FileMesh, other: FileMesh) -> None:
     np.testing.assert_array_equal(one.points, other.points)
-    assert one.aids == other.aids
+    assert one.has_construction_aids == other.has_construction_aids
     assert (one.remarks, one.model) == (other.remarks, other.model)
     for key in ("cells", "node_sets"):
         assert {n: r.tolist() for n, r in getattr(one, key).items()} == {
@@ -75,7 +82,7 @@ def test_nodes_at_one_place_become_the_first_of_them():
         "masses": [([terms, terms], [[1.0]], 2.0)], "among": [(15, [(8, 0.5), (9, 0.5)])],
         "points": [[1.0, 2.0, 3.0]],
     }}  # fmt: skip
-    found = reading.merged(mesh, 1e-3)
+    found = reading.with_merged_nodes(mesh, 1e-3)
     np.testing.assert_array_equal(found.points, np.vstack([points[:8], points[[9, 10, 13, 14]]]))
     assert found.cells["hexahedron"].tolist() == [list(range(8)), [1, 8, 9, 2, 5, 10, 11, 6]]
     assert {n: r.tolist() for n, r in found.node_sets.items()} == {"a": [1, 2], "b": [8]}
@@ -88,8 +95,8 @@ def test_nodes_at_one_place_become_the_first_of_them():
         "points": [[1.0, 2.0, 3.0]],
     }}  # fmt: skip
     mesh.model = {**mesh.model, "apart": [8, 3]}
-    assert len(reading.merged(mesh, 1e-3).points) == 13
-    assert len(reading.merged(mesh, 1e-5).points) == 16
+    assert len(reading.with_merged_nodes(mesh, 1e-3).points) == 13
+    assert len(reading.with_merged_nodes(mesh, 1e-5).points) == 16
 
 
 WRONG = {
@@ -116,7 +123,7 @@ WRONG = {
 def test_what_is_no_mesh_is_told(case):
     mesh, wanted, line, word = WRONG[case]
     with refused(line, word):
-        selected(mesh, wanted, None, "p.vtu")
+        selected_mesh(mesh, wanted, None, "p.vtu")
 
 
 # --- Meshes as meshio gives them: blocks of one kind become one, and every way to name groups -----

@@ -17,7 +17,7 @@ import antiosc as ao
 import parts
 from antiosc.io import by_gmsh
 from antiosc.io.by_gmsh import _node_order
-from antiosc.io.neutral import CELLS, EDGES, rectangles
+from antiosc.io.neutral import CELL_TYPES, EDGES, quadrilateral_faces
 from parts import gmsh_session
 from paths import MESHES
 
@@ -83,7 +83,7 @@ def test_damaged_files_are_refused_or_read(tmp_path):
         file = rng.choice(files)
         path = tmp_path / f"damaged{k}{file.suffix}"
         path.write_bytes(damaged(file.read_bytes(), rng))
-        geometry = file.suffix in by_gmsh.GEOMETRY
+        geometry = file.suffix in by_gmsh.GEOMETRY_ENDINGS
         with warnings.catch_warnings(action="ignore"):
             try:
                 ao.read_mesh(path, size=0.5 if geometry else None, timeout=5)
@@ -259,7 +259,7 @@ def test_every_mix_converges_with_order_four(tmp_path, kinds):
 @pytest.mark.parametrize("name", ["tetra10", "hexahedron27", "wedge15", "wedge18", "pyramid14"])
 def test_gmshs_second_order_nodes_are_put_in_order(name):
     gmsh = pytest.importorskip("gmsh")
-    shape, nodes, _ = CELLS[name]
+    shape, nodes, _ = CELL_TYPES[name]
     family = {"tetra": "Tetrahedron", "wedge": "Prism", "pyramid": "Pyramid"}
     gmsh.initialize()
     try:
@@ -275,7 +275,7 @@ def test_gmshs_second_order_nodes_are_put_in_order(name):
     middles = x[corners : corners + len(edges)]
     np.testing.assert_allclose(x[edges].mean(axis=1), middles, atol=1e-12)
     if n > corners + len(edges):
-        for face, node in zip(rectangles(shape), x[corners + len(edges) :], strict=False):
+        for face, node in zip(quadrilateral_faces(shape), x[corners + len(edges) :], strict=False):
             np.testing.assert_allclose(x[list(face)].mean(axis=0), node, atol=1e-12)
 
 

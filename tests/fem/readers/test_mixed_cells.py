@@ -12,8 +12,8 @@ import pytest
 import antiosc as ao
 from antiosc.io.isolation import Request
 from antiosc.io.mesh_files import reader_of
-from antiosc.io.neutral import KINDS as CELL_KINDS
-from antiosc.io.reading import selected
+from antiosc.io.neutral import CELL_KINDS as CELL_KINDS
+from antiosc.io.reading import selected_mesh
 from parts import gmsh_session
 
 pytest.importorskip("netCDF4")
@@ -130,7 +130,7 @@ def write(path: Path, form: str, key: str | None, grouped: bool, points, *blocks
 def no_limits(monkeypatch, tmp_path):
     """Readers in this process, without the limits of one of their own."""
     monkeypatch.chdir(tmp_path)
-    for limit in ("allow", "seal", "limit_memory"):
+    for limit in ("limit_time", "limit_output", "limit_memory"):
         monkeypatch.setattr(Request, limit, lambda self, *arguments: None)
 
 
@@ -145,7 +145,7 @@ def test_every_element_of_a_file_is_accounted_for(tmp_path, no_limits, ending, k
     raw, refused = None, ""
     try:
         content = reader_of(path).read(Request(str(path), path.name))
-        raw = selected(content, None, None, path.name)
+        raw = selected_mesh(content, None, None, path.name)
     except ao.MeshError as error:
         refused = str(error)
     if raw is None:

@@ -18,13 +18,13 @@ import pytest
 import antiosc as ao
 from antiosc.io import isolation
 from antiosc.io.by_gmsh import _node_order
-from antiosc.io.isolation import harmless
-from antiosc.io.neutral import CELLS
+from antiosc.io.isolation import checked_script
+from antiosc.io.neutral import CELL_TYPES
 from antiosc.io.reading import read
 from mesh_files import refusal
 from paths import MESHES
 
-AFRESH = isolation._ask
+AFRESH = isolation._run_reader
 BAR = "Point(1) = {0, 0, 0, 0.5}; Point(2) = {1, 0, 0, 0.5}; Line(1) = {1, 2};\n"
 
 
@@ -38,7 +38,7 @@ def archive(head: dict, arrays: list) -> bytes:
 @pytest.fixture(autouse=True)
 def processes_of_their_own(monkeypatch):
     """Readers start as those of a user do."""
-    monkeypatch.setattr(isolation, "_ask", AFRESH)
+    monkeypatch.setattr(isolation, "_run_reader", AFRESH)
 
 
 @pytest.fixture
@@ -141,9 +141,9 @@ SNEAKY = [
 @pytest.mark.parametrize("text", SNEAKY)
 def test_scripts_that_do_more_than_describe_a_part(text):
     with pytest.raises(ao.MeshError, match="refused"):
-        harmless(BAR + text, "part.geo")
+        checked_script(BAR + text, "part.geo")
     with pytest.raises(ao.MeshError, match="binary"):
-        harmless(BAR + 'a = "x\0";' + text, "part.geo")
+        checked_script(BAR + 'a = "x\0";' + text, "part.geo")
 
 
 HARMLESS = [
@@ -161,7 +161,7 @@ HARMLESS = [
 def test_scripts_that_describe_a_part_keep_their_meaning(tmp_path, session, text):
     plain, given = tmp_path / "plain.geo", tmp_path / "given.geo"
     plain.write_text(BAR + text + "\n")
-    checked, merged = harmless(BAR + text, "part.geo")
+    checked, merged = checked_script(BAR + text, "part.geo")
     given.write_text(checked)
     assert checked.count("\n") == (BAR + text).count("\n") + 1
     assert merged == []
@@ -211,7 +211,7 @@ def test_what_is_no_file_is_told_at_once(tmp_path, kind, suffix):
 )
 def test_a_reader_that_breaks_is_told(tmp_path, monkeypatch, code, answer, says):
     (tmp_path / "part.msh").write_text("$MeshFormat\n")
-    monkeypatch.setattr(isolation, "_ask", lambda request: (code, answer))
+    monkeypatch.setattr(isolation, "_run_reader", lambda request: (code, answer))
     assert says in refusal(tmp_path / "part.msh")
 
 
@@ -270,7 +270,7 @@ def test_a_file_comes_back_as_gmsh_holds_it(session):
         rows = []
         for member in sorted(members):
             (kind,), _, (nodes,) = gmsh.model.mesh.getElements(raw.kind.dim, member)
-            label = next(k for k, (_, _, number) in CELLS.items() if number == kind)
+            label = next(k for k, (_, _, number) in CELL_TYPES.items() if number == kind)
             rows.append(np.reshape(nodes, (-1, raw.kind.nodes))[:, _node_order(gmsh, kind, label)])
         expected = np.array([[at[t] for t in row] for row in np.vstack(rows).tolist()])
         np.testing.assert_array_equal(raw.points[raw.cells], expected)

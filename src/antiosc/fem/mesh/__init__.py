@@ -16,8 +16,8 @@ from antiosc.base.checks import flag, instance, shown
 from antiosc.base.errors import InputError, name_list
 from antiosc.base.texts import ReprMixin
 from antiosc.fem.platform import bounds, compat
-from antiosc.io.neutral import SIDES, RawMesh
-from antiosc.io.reading import positions
+from antiosc.io.neutral import BOX_SIDES, RawMesh
+from antiosc.io.reading import row_positions
 
 #: Cells whose reference shape is a simplex; the others are products of intervals.
 SIMPLICES = ("interval", "triangle", "tetrahedron")
@@ -222,7 +222,7 @@ class Mesh(ReprMixin):
         """{dimension: local entities} of a group, or of a side such as "-z"; else InputError."""
         if isinstance(name, str) and name in self.groups:
             return self.groups[name]
-        if isinstance(name, str) and name in SIDES:
+        if isinstance(name, str) and name in BOX_SIDES:
             return self._side(name)
         groups = name_list(name, self.groups, "its groups")
         raise InputError(f"{self.name} has no group {shown(name)}; {groups}.")
@@ -275,7 +275,7 @@ def local_groups(
     for dim in sorted({dim for parts in wanted.values() for dim in parts}):
         names = [name for name, parts in wanted.items() if dim in parts]
         rows = [wanted[name][dim] for name in names]
-        at = positions(np.vstack(rows), numbers[compat.entity_vertices(mesh, dim)])
+        at = row_positions(np.vstack(rows), numbers[compat.entity_vertices(mesh, dim)])
         parts = np.split(at, np.cumsum([len(part) for part in rows])[:-1])
         for name, entities in zip(names, parts, strict=True):
             groups[name][dim] = np.unique(entities[entities >= 0]).astype(np.int32)

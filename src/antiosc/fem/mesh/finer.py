@@ -25,9 +25,9 @@ from antiosc.base.errors import MeshError
 from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.platform import compat
 from antiosc.io.by_gmsh import MOST_CELLS
-from antiosc.io.isolation import GRADING, Refinement
-from antiosc.io.neutral import KINDS, RawMesh
-from antiosc.io.reading import keys, positions
+from antiosc.io.isolation import SIZE_GRADING, Refinement
+from antiosc.io.neutral import CELL_KINDS, RawMesh
+from antiosc.io.reading import row_hashes, row_positions
 
 #: name -> {dimension: (entities, vertices of one)}
 Groups: TypeAlias = dict[str, dict[int, NDArray[np.int64]]]
@@ -148,7 +148,7 @@ def halved(raw: RawMesh) -> RawMesh:
     def entities(dim: int) -> IntArray:
         of_cell = np.array(basix.topology(getattr(basix.CellType, kind.shape))[dim])
         rows = cells[:, of_cell].reshape(-1, of_cell.shape[1])
-        return rows[np.unique(keys(rows), return_index=True)[1]]
+        return rows[np.unique(row_hashes(rows), return_index=True)[1]]
 
     return replace(
         raw,
@@ -169,7 +169,7 @@ def _middles(corners: IntArray, shape: Scheme, start: int) -> tuple[IntArray, In
     for k, vertices in enumerate(shape.members):
         rows[:, k, : len(vertices)] = corners[:, vertices]
     _, first, index = np.unique(
-        keys(rows.reshape(-1, MOST_CORNERS)), return_index=True, return_inverse=True
+        row_hashes(rows.reshape(-1, MOST_CORNERS)), return_index=True, return_inverse=True
     )
     return start + index.reshape(len(corners), -1), first
 
@@ -188,7 +188,7 @@ def _groups_of_division(
         carriers = _old_points_under(support, entities)
         for name, parts in groups.items():
             if dim in parts:
-                result[name][dim] = entities[positions(carriers, parts[dim]) >= 0]
+                result[name][dim] = entities[row_positions(carriers, parts[dim]) >= 0]
 
     return result
 
@@ -231,7 +231,7 @@ def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
     sizes = np.full(len(centres), np.inf)
     for point, local in refine:
         distance = np.linalg.norm(centres - np.pad(point, (0, 3 - len(point))), axis=1)
-        size_there = local + GRADING[0] * np.maximum(distance - GRADING[1] * local, 0.0)
+        size_there = local + SIZE_GRADING[0] * np.maximum(distance - SIZE_GRADING[1] * local, 0.0)
         sizes = np.minimum(sizes, size_there)
 
     return sizes
@@ -276,7 +276,7 @@ def _without_midside_nodes(raw: RawMesh) -> RawMesh:
         for name, parts in raw.groups.items()
     }
     cells = cells.reshape(-1, raw.kind.vertices)
-    return RawMesh(raw.points[used], cells, KINDS[KIND_OF[raw.kind.shape]], groups)
+    return RawMesh(raw.points[used], cells, CELL_KINDS[KIND_OF[raw.kind.shape]], groups)
 
 
 def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
@@ -306,7 +306,7 @@ def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
             rows = [of_rank[name][dim] for of_rank in all_groups if dim in of_rank[name]]
             parts[dim] = np.unique(np.sort(np.vstack(rows), axis=1), axis=0).astype(np.int64)
 
-    kind = next(k for k in KINDS.values() if (k.shape, k.order) == (mesh.cell, mesh.order))
+    kind = next(k for k in CELL_KINDS.values() if (k.shape, k.order) == (mesh.cell, mesh.order))
     order = np.argsort(compat.node_order(kind.shape, kind.nodes, "vtk"))
     raw = RawMesh(points, np.vstack(all_cells)[:, order].astype(np.int64), kind, whole)
     return raw, np.concatenate(all_values)
@@ -327,7 +327,7 @@ def bisected_once(raw: RawMesh, values: Array) -> tuple[RawMesh, Array]:
     x = new.geometry.x[:, :gdim].copy()
     support = _supports(raw, x)
     cells = compat.geometry_nodes(new).astype(np.int64)
-    parent = positions(_old_points_under(support, cells), raw.cells)
+    parent = row_positions(_old_points_under(support, cells), raw.cells)
     old_corners = raw.points[raw.cells]
     if raw.kind.shape == "triangle" and gdim == 3:  # the normals tell the side of layers
         turned = np.einsum("ci,ci->c", _normals(x[cells]), _normals(old_corners[parent])) < 0

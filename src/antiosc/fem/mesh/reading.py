@@ -43,10 +43,18 @@ from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.finer import refined_near, with_cells_of
 from antiosc.fem.mesh.surface import mean_thickness
 from antiosc.fem.platform import agree, collective, compat, on_root, warn
-from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, STATES_UNIT
+from antiosc.io.by_gmsh import ENDINGS_WITH_UNIT, GEOMETRY_ENDINGS, SCRIPT_ENDINGS
 from antiosc.io.isolation import Refinement
 from antiosc.io.neutral import EDGES, FACETS, CellKind, RawMesh, UnitSystem
-from antiosc.io.reading import HOW_MADE, Wanted, keys, outline, piece_of_cells, pieces_error, read
+from antiosc.io.reading import (
+    REMESHING_PHRASES,
+    CellSelection,
+    piece_of_cells,
+    pieces_error,
+    read,
+    read_outline,
+    row_hashes,
+)
 
 if TYPE_CHECKING:
     from dolfinx.mesh import MeshTags  # the oldest dolfinx has no such name
@@ -64,7 +72,7 @@ def misfits(cells: IntArray, kind: CellKind) -> tuple[IntArray, IntArray]:
     sides = FACETS[kind.shape]
     facets = np.vstack([cells[:, list(side)] for side in sides])
     owner = np.tile(np.arange(len(cells)), len(sides))
-    _, label, count = np.unique(keys(facets), return_inverse=True, return_counts=True)
+    _, label, count = np.unique(row_hashes(facets), return_inverse=True, return_counts=True)
     label = label.ravel()
 
     incidence = csr_matrix((np.ones(len(owner), dtype=np.int32), (owner, label)))
@@ -299,7 +307,7 @@ def read_mesh(
     order: int | None = None,
     refine: Sequence[Refinement] = (),
     groups: Mapping[str, tuple[MeshTags, int]] | None = None,
-    cells: Wanted = None,
+    cells: CellSelection = None,
     parts: Sequence[str] | None = None,
     unit: str | float | None = None,
     merge: float | None = None,
@@ -418,12 +426,12 @@ def read_mesh(
     file = checked_path("source", source)
     name = printable(file.name)
     suffix = file.suffix.lower()
-    made_here = suffix in GEOMETRY or solid
+    made_here = suffix in GEOMETRY_ENDINGS or solid
     kept: dict[str, Any] = {"solid": solid, "fragments": fragments, "piece": piece}
 
-    if size is None and made_here and suffix not in SCRIPTS:
+    if size is None and made_here and suffix not in SCRIPT_ENDINGS:
         metres = 1.0 if units is None else units.length
-        box = metres * on_root(comm, lambda: outline(file, **kept).points)
+        box = metres * on_root(comm, lambda: read_outline(file, **kept).points)
         kept |= {"gdim": gdim, "order": order, "refine": refine, "cells": cells, "unit": unit}
         kept |= {"trust": trust, "timeout": timeout, "comm": comm}
         with without_warnings():
@@ -443,9 +451,9 @@ def read_mesh(
         kept |= {"size": size, "refine": refine}
     raw = on_root(comm, lambda: read(file, order=order, sound=checked, **kept))
     for sentence in raw.remarks:
-        made = any(words in sentence for words in HOW_MADE)
+        made = any(words in sentence for words in REMESHING_PHRASES)
         warn(comm, sentence, ChoiceWarning if made else AntioscWarning)
-    unit_stated = unit is not None or file.suffix.lower() in STATES_UNIT
+    unit_stated = unit is not None or file.suffix.lower() in ENDINGS_WITH_UNIT
     mesh = distributed(raw, name, comm)
     return replace(mesh if made_here else refined_near(mesh, refine), stated=unit_stated)
 

@@ -19,7 +19,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.mesh import CellEntities, Mesh
 from antiosc.fem.platform import compat
-from antiosc.io.neutral import KINDS
+from antiosc.io.neutral import CELL_KINDS
 
 #: Most Gauss–Newton steps onto a curved cell.
 FOOT_STEPS = 12
@@ -279,7 +279,9 @@ class WeightedPoints:
 
 def kind_of_cells(mesh: Mesh, cells: IntArray) -> str:
     """meshio's name of the cell type."""
-    return next(n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1]))
+    return next(
+        n for n, k in CELL_KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1])
+    )
 
 
 def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:

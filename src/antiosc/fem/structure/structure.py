@@ -33,7 +33,7 @@ from antiosc.fem.linalg.algebra import communicator
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.platform import ALONE, agree, agreed, alike, collective, of_petsc
 from antiosc.fem.structure import NodalMatrices, StructureMatrices, modes_and_shift
-from antiosc.io.matrices import DofMap, dof_map, read_pair, rows_of, tied
+from antiosc.io.matrices import DofMap, dof_map, joined_bodies, read_pair, supported_rows
 from antiosc.models.motion import Inertia
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def matrices_of_pair(
     K, M, fixed = supported(K, M)
 
     if supports is not None:
-        fixed_rows = rows_of(supports, rows)
+        fixed_rows = supported_rows(supports, rows)
         K = algebra.hold(K, fixed_rows, 1.0)
         M = algebra.hold(M, fixed_rows, 0.0)
         fixed = np.union1d(fixed, fixed_rows)
@@ -484,7 +484,7 @@ class Structure(ReprMixin):
             rows = dof_map(of_rows, read.labels, read.K.shape[0])
             bodies.append((read.K, read.M, rows))
 
-        stiffness, mass, rows = bodies[0] if len(bodies) == 1 else tied(bodies)
+        stiffness, mass, rows = bodies[0] if len(bodies) == 1 else joined_bodies(bodies)
         pair = copied("K", stiffness, backend), copied("M", mass, backend)
         return cls._of_pair(pair, rows, supports, None, start_time)
 

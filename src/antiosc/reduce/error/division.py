@@ -61,8 +61,8 @@ from antiosc.fem.platform import bounds, compat, on_root, warn
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh, structure_with
 from antiosc.fem.structure.support import NumberedNodes, Support
-from antiosc.io.by_gmsh import CUT, GEOMETRY, SizeField
-from antiosc.io.isolation import GRADING as USUAL_GRADING, Refinement
+from antiosc.io.by_gmsh import CORNERS_CUT_PHRASE, GEOMETRY_ENDINGS, SizeField
+from antiosc.io.isolation import SIZE_GRADING as USUAL_GRADING, Refinement
 from antiosc.io.neutral import RawMesh
 from antiosc.io.reading import read
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -290,7 +290,7 @@ def source_of(source: str | Path | Mesh, order: int = 2) -> MeshSource:
         return OfMesh(source)
 
     path = Path(source)
-    if path.suffix.lower() in GEOMETRY:
+    if path.suffix.lower() in GEOMETRY_ENDINGS:
         geometry = OfGeometry(path, order)
         if geometry.coarsest.tdim == 1:
             return OfLines(geometry.coarsest, path)
@@ -372,7 +372,7 @@ class OfGeometry(MeshSource):
         """A mesh with the sizes `wished`, which grow by `grading`; dimension of `like`."""
         raw = self._read(like.gdim, self._order, self._refine, wished, grading)
         for sentence in raw.remarks:
-            if CUT in sentence:
+            if CORNERS_CUT_PHRASE in sentence:
                 warn(MPI.COMM_WORLD, sentence)
         return distributed(raw, self._path.name, MPI.COMM_WORLD)
 

@@ -30,7 +30,7 @@ from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
 from antiosc.fem.structure import NodalMatrices, StructureMatrices, in_space
 from antiosc.fem.structure.structure import Structure
-from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS, component_of
+from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS, component_number
 
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
@@ -124,7 +124,7 @@ class Site(FieldsRepr):
         if self.tangential and self.direction is None and self.face is None:
             raise InputError("tangential directions need a Site with a direction.")
         if at_node and self.dof is not None:
-            store(self, dof=component_of(self.dof))
+            store(self, dof=component_number(self.dof))
         elif self.dof is not None:
             store(self, dof=whole("dof", self.dof, least=0))
         if self.vector is not None:

@@ -31,7 +31,7 @@ from antiosc.fem.mesh.surface import Faces, clamped, projected
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.place import Place, places_at
 from antiosc.fem.structure.structure import Structure
-from antiosc.io.neutral import connected
+from antiosc.io.neutral import connected_pieces
 from antiosc.models.body import Body
 
 #: Least angle between the normals of two faces whose common edge is a sharp edge of the part
@@ -119,7 +119,7 @@ class Patch:
         cosines = np.abs(self.cosines) if sheet else self.cosines
         smooth = cosines > np.cos(np.radians(SHARP_ANGLE))
         count, corners = self.numbers.shape
-        return connected([self.pairs[smooth] // corners], count)
+        return connected_pieces([self.pairs[smooth] // corners], count)
 
     def inner_edges(self) -> Array:
         """Ends (e, 2, 3) [m] of edges at which the solid has `INNER_ANGLE` or more."""
