@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from antiosc.base.process import restored
+from antiosc.base.packages import restored
 from paths import MESHES
 
 #: What a process can see of itself; the packages' own loggers are theirs.

@@ -64,7 +64,6 @@ from antiosc.impact.histories.verdict import (
     yield_share as yield_share,
 )
 from antiosc.impact.many import QUANTILES as QUANTILES, checked_levels as checked_levels
-from antiosc.impact.reference import Settings as Settings
 from antiosc.impact.scene import (
     check_range as check_range,
     integrate as integrate,
@@ -72,6 +71,7 @@ from antiosc.impact.scene import (
     simulate_impact as simulate_impact,
 )
 from antiosc.impact.scene_parts import SceneParts as SceneParts
+from antiosc.impact.settings import Settings as Settings
 from antiosc.impact.truncation import (
     TRUNCATION_SAFETY as TRUNCATION_SAFETY,
     softest_model as softest_model,

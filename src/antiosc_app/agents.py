@@ -17,7 +17,7 @@ from typing import Any
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError, MissingDependencyError
-from antiosc.base.process import loading
+from antiosc.base.packages import loading
 from antiosc_app import info
 from antiosc_app.agents_work import TOOLS, Refusal, Table, explain, hash_of, work
 from antiosc_app.scene_file.schema import KIND, SECTIONS, parameters

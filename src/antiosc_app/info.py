@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from antiosc.base import process
 from antiosc.base.errors import MissingDependencyError
-from antiosc.base.process import loading, restored, start_mpi
+from antiosc.base.packages import loading, restored, start_mpi
 
 #: Remark on a package that is installed but cannot be imported.
 BROKEN = "fails to load"

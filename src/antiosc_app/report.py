@@ -33,7 +33,7 @@ from antiosc.base.errors import (
     by_weight,
     weight,
 )
-from antiosc.base.process import loading
+from antiosc.base.packages import loading
 from antiosc.base.texts import capitalised
 from antiosc_app import info, live, live_data
 from antiosc_app.cards import FAR, FORCE, MOST_CAUTIONS, STRESS, cautions

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.engine import damping
+from antiosc.engine import first_order
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -16,8 +16,8 @@ def test_first_order_modes_have_the_receptance_of_slow_branches(count, tau, shar
     omega = np.geomspace(300.0, 1e6, count)
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(count, count)))[0]
     factor = np.sqrt(share) * (turn if turned else np.eye(count)) * omega
-    branch = damping.from_factors(np.zeros((0, count)), [(factor, tau)])
-    modes = damping.first_order(omega, branch)
+    branch = first_order.from_factors(np.zeros((0, count)), [(factor, tau)])
+    modes = first_order.first_order(omega, branch)
     b = np.ones((count, 1))
     at = np.geomspace(100.0, 2e6, 25) * 1.03
     found = modes.receptance(b, at)[:, 0, 0]

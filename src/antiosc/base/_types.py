@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Figure
+    from numpy.typing import ArrayLike as ArrayLike, NDArray as NDArray
 else:
-    Figure = Any  # matplotlib is loaded where a picture is drawn
+    Figure = ArrayLike = Any  # matplotlib is loaded where a picture is drawn
+    NDArray = np.ndarray  # numpy.typing takes long to load
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import io
 import os
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.lib import format as npy
-from numpy.typing import NDArray
 
 from antiosc.base import files
+from antiosc.base._types import NDArray
 from antiosc.base.errors import InputError
+
+if TYPE_CHECKING:
+    import zipfile
 
 #: Most members of an archive.
 _MEMBERS = 100
@@ -26,6 +28,8 @@ Arrays: TypeAlias = dict[str, NDArray[Any]]
 @contextmanager
 def atomic_archive(path: str | os.PathLike[str], what: str) -> Iterator[zipfile.ZipFile]:
     """Context manager: an archive that is written completely or not at all, as `atomic_file`."""
+    import zipfile  # takes long to load
+
     with files.atomic_file(path, what) as part, zipfile.ZipFile(part, "w") as archive:
         yield archive
 
@@ -44,6 +48,8 @@ def read_arrays(path: Path, largest: int, what: str, kinds: str = "fiuU") -> Arr
     `kinds`: kinds of dtype that are allowed; `largest`: bytes, of the file and of all arrays.
     InputError for others.
     """
+    import zipfile  # takes long to load
+
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()

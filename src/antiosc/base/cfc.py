@@ -5,10 +5,9 @@ from __future__ import annotations
 from math import pi, sqrt, tan
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array
+from antiosc.base._types import Array, ArrayLike
 from antiosc.base.errors import InputError
 
 #: Name of a channel frequency class -> its frequency [Hz].

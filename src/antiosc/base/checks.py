@@ -20,9 +20,8 @@ from pathlib import Path
 from typing import Any, ClassVar, ParamSpec, TypeVar, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
-from antiosc.base._types import Array, Numbers
+from antiosc.base._types import Array, NDArray, Numbers
 from antiosc.base.errors import AccuracyError, InputError
 from antiosc.base.process import within_memory
 from antiosc.base.texts import FieldsRepr
@@ -61,7 +60,7 @@ class _Required:
 REQUIRED: Any = _Required()
 
 #: strings, comments of TOML, and whatever else is no bracket
-_NO_BRACKETS = re.compile(r""""(?:[^"\\\n]|\\.)*"|'[^'\n]*'|\#[^\n]*|[^][{}"'#]+|["'#]""")
+_NO_BRACKETS = r""""(?:[^"\\\n]|\\.)*"|'[^'\n]*'|\#[^\n]*|[^][{}"'#]+|["'#]"""
 
 _repr = reprlib.Repr()
 _repr.maxstring = _repr.maxother = _repr.maxlong = 60
@@ -419,7 +418,7 @@ def shown(value: object) -> str:
 
 def nests_deeper(text: str, deepest: int) -> bool:
     """Whether brackets of a text in JSON or TOML nest too deep for a parser that recurses."""
-    brackets = _NO_BRACKETS.sub("", text)
+    brackets = re.sub(_NO_BRACKETS, "", text)
     depths = accumulate(1 if bracket in "[{" else -1 for bracket in brackets)
     return max(depths, default=0) > deepest
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -220,6 +219,8 @@ def name_list(wanted: object, names: Iterable[str], what: str) -> str:
     sorted_names = sorted(names)
     if len(sorted_names) <= FEW_NAMES:
         return f"{what} are: {', '.join(map(repr, sorted_names)) or 'none'}"
+
+    import difflib  # takes long to load
 
     lowered = {name.lower(): name for name in sorted_names}
     similar = difflib.get_close_matches(str(wanted).lower(), lowered, NEAREST, cutoff=0.0)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-import ast
+import re
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+
+#: Imports of a stub, from a module as (several or) one of "name as name" or "*".
+_IMPORT = r"(?m)^from (\S+) import (\([^)]*\)|.*)$"
+_NAME = r"(\w+) as \w+"
 
 
 @cache
@@ -15,15 +19,14 @@ def listed(module: str) -> dict[str, str]:
     """Name -> module that defines it, read from the stub (.pyi) beside a module's file."""
     stub = Path(module).with_suffix(".pyi")
     names: dict[str, str] = {}
-    for node in ast.parse(stub.read_text(encoding="utf-8")).body:
-        if not isinstance(node, ast.ImportFrom) or node.module == "antiosc":  # its namespaces
+    for source, imported in re.findall(_IMPORT, stub.read_text(encoding="utf-8")):
+        if source == "antiosc":  # its namespaces
             continue
 
-        source = str(node.module)
-        if node.names[0].name == "*":
+        if imported == "*":
             names |= listed(str(stub.with_name(source.rpartition(".")[2])))
         else:
-            names |= {alias.name: source for alias in node.names}
+            names |= dict.fromkeys(re.findall(_NAME, imported), source)
     return names
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -118,6 +117,8 @@ def _words(name: str) -> list[str]:
 
 @cache
 def _table() -> dict[str, Any]:
+    import tomllib  # takes long to load
+
     with Path(__file__).with_name("materials.toml").open("rb") as stream:
         return tomllib.load(stream)
 

@@ -12,8 +12,8 @@ from math import inf, isfinite
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from antiosc.base._types import ArrayLike
 from antiosc.base.errors import InputError, MeshError, warn
 
 #: Standard gravity, m/s².

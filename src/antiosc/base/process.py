@@ -1,11 +1,4 @@
-"""The process: changes made by packages, its BLAS threads, and the free memory of its machine.
-
-**Packages.** FFCx adds a handler to the root logger and redirects Python's warnings to it; dolfinx
-changes the flags of the dynamic loader; PETSc installs signal handlers; setuptools, which calls the
-compiler, changes the environment and the module path. `restored` undoes it. When they load, several
-packages take files of the working folder for their configuration (`.petscrc`, `matplotlibrc`, …),
-which can name programs and libraries to run. They load in `/` instead (`loading`), so that a folder
-from elsewhere configures nothing.
+"""The process: its BLAS threads, and the free memory of its machine.
 
 **Threads.** One BLAS thread, and for large factorizations one fewer than there are cores, whatever
 else the machine does, so that a run gives the same digits again. OpenBLAS threads synchronise in
@@ -18,16 +11,7 @@ in the environment is respected; other libraries are not changed.
 
 from __future__ import annotations
 
-import atexit
-import importlib.util
-import locale
-import logging
 import os
-import shutil
-import sys
-import tempfile
-import threading
-import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -39,152 +23,10 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeAlias, TypeVar
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.errors import MissingDependencyError, OutOfMemoryError
+from antiosc.base.errors import OutOfMemoryError
 
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
-
-
-#: Loggers whose levels the packages change.
-LOGGERS = ("UFL", "ffcx", "FFCx")
-#: Variables that setuptools and threadpoolctl set; the package that puts its own folders on the
-#: module path.
-ENVIRONMENT = ("HOME", "KMP_DUPLICATE_LIB_OK", "PLAT")
-VENDOR = "setuptools"
-#: Folders that `VENDOR` put on the module path: it may import from them again later.
-_appended: list[str] = []
-#: Held while something is imported or compiled, for all of this belongs to the process.
-_lock = threading.RLock()
-
-
-@contextmanager
-def restored() -> Iterator[None]:
-    """Restore logging, warnings, environment, paths, loader flags and locale at the end."""
-    with _lock:
-        root = logging.getLogger()
-        handlers = list(root.handlers)
-        level = root.level
-        showwarning = warnings.showwarning
-        levels = {name: _level(name) for name in LOGGERS}
-        environment = {name: os.environ.get(name) for name in ENVIRONMENT}
-        flags = sys.getdlopenflags()
-        former = locale.setlocale(locale.LC_ALL)
-        path = list(sys.path)
-        sys.path.extend(entry for entry in _appended if entry not in path)
-
-        try:
-            yield
-        finally:
-            new = [entry for entry in sys.path if entry not in path and VENDOR in Path(entry).parts]
-            _appended.extend(entry for entry in new if entry not in _appended)
-            sys.path[:] = [entry for entry in sys.path if entry not in new]
-            root.handlers[:] = handlers
-            root.setLevel(level)
-            if warnings.showwarning is not showwarning:
-                logging.captureWarnings(False)
-            for name, before in levels.items():
-                if before is not None:
-                    logging.getLogger(name).setLevel(before)
-            for name, value in environment.items():
-                if value is None:
-                    os.environ.pop(name, None)
-                elif os.environ.get(name) != value:
-                    os.environ[name] = value
-            sys.setdlopenflags(flags)
-            locale.setlocale(locale.LC_ALL, former)
-
-
-def _level(name: str) -> int | None:
-    """Level of a logger; None if it does not exist yet."""
-    logger = logging.root.manager.loggerDict.get(name)
-    if isinstance(logger, logging.Logger):
-        return logger.level
-    return None
-
-
-@contextmanager
-def quiet(*names: str) -> Iterator[None]:
-    """Hide messages below WARNING that this thread sends to the named loggers."""
-    loggers = [logging.getLogger(name) for name in names]
-    filters = _BelowWarning()
-    for logger in loggers:
-        logger.addFilter(filters)
-
-    try:
-        yield
-    finally:
-        for logger in loggers:
-            logger.removeFilter(filters)
-
-
-class _BelowWarning(logging.Filter):
-    def __init__(self) -> None:
-        super().__init__()
-        self.thread = threading.get_ident()
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        return record.levelno >= logging.WARNING or record.thread != self.thread
-
-
-@contextmanager
-def loading() -> Iterator[None]:
-    """Context for imports of packages: in `/` and with a home folder, for the whole process."""
-    _give_home()
-
-    with _lock:
-        try:
-            working_folder = os.open(".", getattr(os, "O_PATH", os.O_RDONLY))
-        except OSError:  # nothing can be read there
-            yield
-            return
-        try:
-            os.chdir("/")
-            yield
-        finally:
-            os.fchdir(working_folder)
-            os.close(working_folder)
-
-
-def _give_home() -> None:
-    """Set HOME to a folder of this process if the user has none: packages need one to load."""
-    try:
-        Path.home()
-    except RuntimeError:
-        os.environ["HOME"] = _home()
-
-
-@cache
-def _home() -> str:
-    """A new folder that only this user may enter; it is removed when the process ends."""
-    folder = tempfile.mkdtemp(prefix="antiosc-")
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return folder
-
-
-def start_mpi() -> None:
-    """Load MPI before what needs it; MissingDependencyError under another MPI's mpirun."""
-    refusal = (
-        "this process was started by the mpirun of another MPI than that of its mpi4py: use the "
-        "mpirun of that MPI, which of PyPI's packages stands beside python."
-    )
-    of_pypi = importlib.util.find_spec("dolfinx_solver") is not None  # by MPICH
-    if of_pypi and "OMPI_COMM_WORLD_SIZE" in os.environ:
-        raise MissingDependencyError(refusal)
-
-    importlib.import_module("dolfinx_solver" if of_pypi else "mpi4py.MPI")
-    from mpi4py import MPI
-
-    if MPI.COMM_WORLD.size == 1 and int(os.environ.get("PMI_SIZE", 1)) > 1:
-        raise MissingDependencyError(refusal)
-
-
-def start_petsc() -> None:
-    """Initialise PETSc once, without signal handlers that abort and without `.petscrc`."""
-    if "petsc4py.PETSc" not in sys.modules:
-        import petsc4py
-
-        petsc4py.init(["antiosc", "-no_signal_handler", "-skip_petscrc"])
-
 
 #: Variables by which users choose a number of threads; the first one that is set counts.
 VARIABLES = (
@@ -260,6 +102,8 @@ class _Blas:
 @cache
 def _blas() -> _Blas | None:
     """The BLAS libraries of this process, for all Python threads; None without threadpoolctl."""
+    from antiosc.base.packages import restored  # loaded where it is used
+
     try:
         with restored():
             from threadpoolctl import ThreadpoolController

@@ -12,10 +12,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array
+from antiosc.base._types import Array, ArrayLike
 from antiosc.base.checks import Checked, checked_by, positive, within_range
 from antiosc.base.errors import InputError
 

@@ -12,8 +12,8 @@ from math import ceil, floor, isfinite, log10
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc.base._types import NDArray
 from antiosc.base.errors import AntioscError
 
 #: Share of the last digit by which a number may exceed one that is rounded up, or fall short of

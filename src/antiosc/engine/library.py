@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
-import platform as platforms
 import sys
 from ctypes import (
     POINTER,
@@ -26,9 +25,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from antiosc.base._types import Array
+from antiosc.base._types import Array, NDArray
 from antiosc.base.errors import MissingDependencyError
 
 #: AOM_VERSION that the structures below belong to
@@ -272,10 +270,11 @@ def load(path: Path = FILE, source: Path = SOURCE) -> ctypes.CDLL:
 
 def platform() -> str:
     """The platform of the library, as FMI 3 names it."""
-    machine = {"AMD64": "x86_64", "arm64": "aarch64", "ARM64": "aarch64"}
+    from platform import machine  # takes long to load
+
+    names = {"AMD64": "x86_64", "arm64": "aarch64", "ARM64": "aarch64"}
     system = {"win32": "windows", "darwin": "darwin"}.get(sys.platform, "linux")
-    name = platforms.machine()
-    return f"{machine.get(name, name)}-{system}"
+    return f"{names.get(machine(), machine())}-{system}"
 
 
 library = load()

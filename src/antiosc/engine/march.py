@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from weakref import WeakSet
 
 import numpy as np
-from numpy.typing import NDArray
 
 from antiosc.base import process
+from antiosc.base._types import NDArray
 from antiosc.base.errors import InputError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw, State

@@ -11,15 +11,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate, pairwise, starmap
 from math import isfinite
-from typing import Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc.base._types import NDArray
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw, State
-from antiosc.engine.damping import StackedModes
 from antiosc.engine.law_tables import packed, raise_error
+
+if TYPE_CHECKING:
+    from antiosc.engine.first_order import StackedModes
 
 Array = NDArray[np.float64]
 

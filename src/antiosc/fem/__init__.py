@@ -1,7 +1,7 @@
 """Finite elements: from a mesh (gmsh, dolfinx, PETSc, SLEPc), or matrices (SciPy), to models."""
 
 from antiosc.base.errors import MissingDependencyError
-from antiosc.base.process import loading, restored, start_mpi, start_petsc
+from antiosc.base.packages import loading, restored, start_mpi, start_petsc
 
 #: The package without which only given matrices can be extracted; None with all packages.
 missing: str | None = None

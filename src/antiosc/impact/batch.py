@@ -10,10 +10,9 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeGuard, TypeVar, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import checks, plausible, process
-from antiosc.base._types import Array
+from antiosc.base._types import Array, ArrayLike
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, warnings_to
 from antiosc.base.progress import counting
 from antiosc.base.texts import COMPLETED, STOPPED
@@ -22,8 +21,8 @@ from antiosc.engine.contact import ContactLaw
 from antiosc.impact.histories import History
 from antiosc.impact.histories.run_end import ALL_WELL, RunEnd, scenes_text, status_of, warn_batch
 from antiosc.impact.many import Many
-from antiosc.impact.reference import MAX_CONTACTS, MAX_STEPS, Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, range_error, simulate_impact
+from antiosc.impact.settings import MAX_CONTACTS, MAX_STEPS, Settings
 from antiosc.impact.two_bodies import Impact, ImpactRows, Pair, assemble_pair
 from antiosc.models.body import AUTO, AnyLaw, LinearBody, info_of, is_auto, law_of
 

@@ -14,27 +14,29 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import inf, pi, sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import checks, plausible
-from antiosc.base._types import Array
+from antiosc.base._types import Array, ArrayLike
 from antiosc.base.checks import Checked, checked_by
 from antiosc.base.errors import InputError
 from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import FieldsRepr
 from antiosc.engine.contact import Gonthier, Hertz
 from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, ball, density_of, matter_of
-from antiosc.engine.damping import StackedModes
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body, LinearBody, ModelInfo, checked_body, info_of
 from antiosc.models.modal import ModalBody, SiteModes, unchecked_body
 from antiosc.models.motion import Inertia, ModalState, Motion, unit_vectors
 from antiosc.models.stretch import Stretch, stretch_of
 
+if TYPE_CHECKING:
+    from antiosc.engine.first_order import StackedModes
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class RigidMass(Checked, Body):
     """A rigid mass that moves along the direction of impact.
 
@@ -100,7 +102,7 @@ class RigidMass(Checked, Body):
         return _mass_modes(self.mass)
 
 
-@dataclass(frozen=True, init=False)
+@dataclass(frozen=True, init=False, repr=False)
 class Sphere(FieldsRepr, Body):
     """A solid elastic sphere without vibrations.
 
@@ -199,7 +201,7 @@ def _constants(matter: Matter | None) -> dict[str, float | None]:
 _NO_MODES = ModalBody(np.zeros(0), np.zeros(0), weight=np.zeros(0))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Obstacle(FieldsRepr, Body):
     """A fixed rigid obstacle, `gap` [m] away from the structure; the structure moves."""
 
@@ -224,7 +226,7 @@ class Obstacle(FieldsRepr, Body):
         return _NO_MODES
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Impactor(FieldsRepr, Body):
     """Any linear body as impactor, such as a second `AntiOscillators` (Article Fig. 1).
 
@@ -270,7 +272,7 @@ STEEL_DENSITY = 7850.0  # handbook value
 ICE_DENSITY = 917.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class NamedImpactor(FieldsRepr):
     """A named impactor with the source of its numbers.
 
@@ -451,7 +453,7 @@ MOMENT_ROUNDING = 1.01
 SUPPORTED_SHARE = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RigidBody(FieldsRepr):
     """A rigid body with several sites; it moves in space, its rotations are small.
 
@@ -648,6 +650,8 @@ def stacked_first_order(bodies: Iterable[SceneBody]) -> StackedModes | None:
     ]
     if all(first is None for _, _, first, _ in parts):
         return None
+    from antiosc.engine.first_order import StackedModes  # loaded where dampers couple modes
+
     return StackedModes(parts)
 
 

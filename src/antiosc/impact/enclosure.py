@@ -55,7 +55,7 @@ PROVED_LAWS = (library.LINEAR, library.HERTZ, library.POWER, library.ELASTIC_PLA
 YIELDING_LAWS = (library.THORNTON, library.YANG_SUN)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Enclosure(FieldsRepr):
     """Proved bounds on one contact force of the assembled structure.
 

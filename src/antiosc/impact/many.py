@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array, Figure
+from antiosc.base._types import Array, ArrayLike, Figure
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr, Result
 from antiosc.plot.charts import figure_or_path, panels

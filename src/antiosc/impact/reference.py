@@ -8,13 +8,11 @@ order 2 for forces without jumps; a touch and a release are interpolated within 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from math import ceil, log2
 from typing import Any
 
 import numpy as np
 
-from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotConvergedError
 from antiosc.engine import library
@@ -22,34 +20,8 @@ from antiosc.engine.contact.stepping import Contacts, Ends
 from antiosc.engine.march import Converged, Run, difference
 from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
+from antiosc.impact.settings import IVP_METHODS, MAX_STEPS, Settings
 from antiosc.impact.states import interpolated
-
-IVP_METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
-METHODS = ("exact", "newmark", "leapfrog", *IVP_METHODS)
-
-#: Default bounds of a run; a million steps with two anti-oscillators take 6 s.
-MAX_CONTACTS = 10_000
-MAX_STEPS = 1_000_000
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Options of the integration of a scene, as for `Scene.run`."""
-
-    tol: float = 1e-3
-    method: str = "exact"
-    step: float | None = None
-    max_contacts: int = MAX_CONTACTS
-    max_steps: int = MAX_STEPS
-
-    def __post_init__(self) -> None:
-        checks.choice("method", self.method, METHODS)
-        checks.store(
-            self,
-            tol=checks.tolerance(self.tol),
-            max_contacts=checks.whole("max_contacts", self.max_contacts),
-            max_steps=checks.whole("max_steps", self.max_steps),
-        )
 
 
 def integrate_reference(assembly: Assembly, duration: float, settings: Settings) -> Converged:

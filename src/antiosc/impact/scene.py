@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -32,10 +32,7 @@ from antiosc.engine.equilibrium import set_initial_forces
 from antiosc.engine.march import FINE, Converged, solve
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.bodies import Impactor, Obstacle
-from antiosc.impact.enclosure import enclosures, width_of_peaks
-from antiosc.impact.error_budget import error_budget, low_band_message
 from antiosc.impact.histories import History, SceneHistory, Source
-from antiosc.impact.histories.bars import ErrorBudget
 from antiosc.impact.histories.linear_theory import large_deflection_message, warn_large_rotation
 from antiosc.impact.histories.run_end import (
     RunEnd,
@@ -44,25 +41,22 @@ from antiosc.impact.histories.run_end import (
     warn_unless_well,
 )
 from antiosc.impact.histories.site_motion import DURATION, LONGER, parted
-from antiosc.impact.reference import (
-    IVP_METHODS,
-    MAX_CONTACTS,
-    MAX_STEPS,
-    Settings,
-    integrate_reference,
-)
+from antiosc.impact.measured_band import low_band_message
 from antiosc.impact.scene_parts import SceneParts
-from antiosc.impact.stretching import stretched
-from antiosc.impact.truncation import Run, choose_n, too_few_in, warn_too_few
+from antiosc.impact.settings import IVP_METHODS, MAX_CONTACTS, MAX_STEPS, Settings
 from antiosc.impact.two_bodies import Impact, assemble_pair
-from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.anti_oscillators import AntiOscillators, is_reduced
 from antiosc.models.body import AUTO, AnyLaw, LinearBody, coarse_cell, is_auto, law_of
 from antiosc.models.motion import Motion
+
+if TYPE_CHECKING:
+    from antiosc.impact.histories.bars import ErrorBudget
+    from antiosc.impact.truncation import Run
 
 H = TypeVar("H", bound=History)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scene(SceneParts):
     """Bodies in contact; `run` integrates their motion.
 
@@ -146,15 +140,21 @@ class Scene(SceneParts):
         warn_large_rotation(*history.largest_rotation())
         history = with_warning(history, large_deflection_message(history))
 
-        exact = replace(settings, method="exact", step=None)
-        warn_too_few(
-            history, lambda bodies: _run_scene(replace(self, bodies=bodies), exact, duration)
-        )
+        if any(map(is_reduced, bodies)):
+            from antiosc.impact.truncation import warn_too_few  # loaded where it is used
+
+            exact = replace(settings, method="exact", step=None)
+            warn_too_few(
+                history, lambda bodies: _run_scene(replace(self, bodies=bodies), exact, duration)
+            )
         check_range(history, doubts)
         _warn_coarse_cells(self, history)
 
         if not proof:
             return history
+
+        from antiosc.impact.enclosure import enclosures  # loaded where it is used
+
         return replace(history, enclosures=enclosures(history.assembly, history.run))
 
 
@@ -204,6 +204,8 @@ class SceneSource(Source):
 
 def proved(history: History, tol: float) -> History:
     """The history with proved bounds on its force; a warning if they are wider than `tol`."""
+    from antiosc.impact.enclosure import enclosures, width_of_peaks  # loaded where it is used
+
     found = enclosures(history.assembly, history.run, tol)
     history = replace(history, enclosures=found)
     width = width_of_peaks(found)
@@ -239,6 +241,8 @@ def integrate(kind: Callable[..., H], assembly: Assembly, duration: float, setti
             " extract it without stretch for others."
         )
 
+    from antiosc.impact.stretching import stretched  # loaded where it is used
+
     def integrated(other: Assembly) -> H:
         """The history of another assembly."""
         return _integrate(kind, other, duration, settings)
@@ -262,6 +266,8 @@ def _integrate(
     if settings.method == "exact":
         converged = integrate_exact(assembly, duration, tol, step, *limits)
     else:
+        from antiosc.impact.reference import integrate_reference  # loaded where it is used
+
         converged = integrate_reference(assembly, duration, settings)
 
     run = converged.run
@@ -449,9 +455,11 @@ def simulate(
         scene = _until_parted(scene, settings)
     history = simulate_impact(scene, settings, n)
     warn_unless_well(history.status, history.message)
+    if history.run.touches and n != "auto" and is_reduced(history.model):
+        from antiosc.impact.truncation import too_few_in  # loaded where it is used
+
+        history = with_warning(history, too_few_in(history, history.rerun, accuracy))
     if history.run.touches:
-        sentence = "" if n == "auto" else too_few_in(history, history.rerun, accuracy)
-        history = with_warning(history, sentence)
         estimate = history.assembly.contact_time_estimate
         history = with_warning(history, coarse_cell(history.model, "", estimate))
     warn_large_rotation(*history.largest_rotation())
@@ -542,6 +550,8 @@ class Blow(Source):
             return simulate_impact(self.impact._replace(**changes), exact)
 
     def error_budget(self, hit: History) -> ErrorBudget:
+        from antiosc.impact.error_budget import error_budget  # loaded where it is used
+
         return error_budget(hit, self.rerun, self.by_law)
 
 
@@ -559,6 +569,8 @@ def _truncated(
         return model.truncated(n), {}, ""
     if n != "auto":
         raise InputError(f'n must be a number of anti-oscillators or "auto"; got {n!r}.')
+
+    from antiosc.impact.truncation import choose_n  # loaded where it is used
 
     choice = choose_n(model, run, tol)
     errors = {

@@ -21,10 +21,9 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array
+from antiosc.base._types import Array, ArrayLike
 from antiosc.base.checks import Checked, checked_by
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
@@ -43,7 +42,7 @@ def _checked_law(name: str, law: object) -> object:
     return checks.instance(name, law, ContactLaw, LAW)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Contact(Checked):
     """A contact between two sites, "body" or "body:site".
 
@@ -88,7 +87,7 @@ class Contact(Checked):
         super().__post_init__()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Load(FieldsRepr):
     """A force in time at a site, along the direction of the site (the body's one coordinate).
 
@@ -110,7 +109,7 @@ class Load(FieldsRepr):
         checks.store(self, times=times, forces=checks.floats("forces", forces, (times.size,)))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Base(FieldsRepr):
     """Acceleration of the ground, with all supports and obstacles on it.
 
@@ -150,7 +149,7 @@ def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Arra
 MOST_PARTS = 1000
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class SceneParts(FieldsRepr):
     """The checked bodies, contacts and loads of a `Scene`."""
 

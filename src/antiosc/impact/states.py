@@ -7,10 +7,9 @@ from ctypes import byref, c_int
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from antiosc.base import process
-from antiosc.base._types import Array
+from antiosc.base._types import Array, NDArray
 from antiosc.engine import library
 from antiosc.engine.march import Run
 from antiosc.engine.system import System

@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Any, TypeGuard
+from typing import Any
 
 import numpy as np
 
@@ -36,19 +36,12 @@ from antiosc.base.texts import percent
 from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.impact.histories import History
 from antiosc.impact.histories.bars import all_changes, with_floor
-from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.anti_oscillators import AntiOscillators, is_reduced
 from antiosc.models.body import checked_body
 from antiosc.models.motion import ModalState
 
 #: Share of the force from which a warning is given.
 WARN_SHARE = 0.3
-
-
-def is_reduced(model: object) -> TypeGuard[AntiOscillators]:
-    """Whether a model is one of the Krylov method whose anti-oscillators have not converged."""
-    if not isinstance(model, AntiOscillators) or model.info.method != "krylov":
-        return False
-    return model.info.converged is not None and model.info.converged < model.n
 
 
 def too_few(n: int, error: float) -> str:

@@ -11,10 +11,9 @@ from ctypes import byref, c_int64, c_void_p
 from typing import NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from antiosc.base import checks, process
-from antiosc.base._types import Array
+from antiosc.base._types import Array, NDArray
 from antiosc.base.errors import AccuracyError, InputError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
@@ -29,8 +28,8 @@ from antiosc.impact.bodies import (
     single_site_body,
     stacked_first_order,
 )
-from antiosc.impact.reference import Settings
 from antiosc.impact.scene_parts import gravity_load, two_body_parts
+from antiosc.impact.settings import Settings
 from antiosc.models.body import AUTO, LAW, AnyLaw, LinearBody, checked_body, law_of
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion

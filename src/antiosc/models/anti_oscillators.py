@@ -31,13 +31,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import archives, checks, files
-from antiosc.base._types import Array, IntArray, Numbers
+from antiosc.base._types import Array, ArrayLike, IntArray, Numbers
 from antiosc.base.archives import Arrays
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.texts import FieldsRepr, ReprMixin, engineering
@@ -54,11 +53,12 @@ from antiosc.models.parameters import (
     sorted_damping,
     with_sums,
 )
-from antiosc.models.recurrence import Recurrence
 from antiosc.models.stretch import Stretch
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from antiosc.models.recurrence import Recurrence
 
 FORMAT = "antiosc-model"
 #: the only version that is read
@@ -179,6 +179,8 @@ def saved_arguments(path: str | os.PathLike[str]) -> Named:
 
 def _recurrence(k0: Array, mass: Array, start: Array, H: Array, scalars: Array) -> Recurrence:
     """The recurrence with arrays of a model file; `scalars`: its n and shift."""
+    from antiosc.models.recurrence import Recurrence  # loaded where it is used
+
     n, shift = checks.floats("scalars", scalars, (2,)).tolist()
     return Recurrence(k0, mass, start, H, int(n), shift)
 
@@ -215,7 +217,7 @@ def _damping(values: Named | None) -> Damping | DampingMatrix | None:
     return from_factors(factor(values["factor"]), branches)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ReducedMatrices(FieldsRepr):
     """K and M of a reduced model."""
 
@@ -623,3 +625,10 @@ class AntiOscillators(ReprMixin, Parameters):
             return cls(**arguments)
         except (InputError, KeyError, TypeError, ValueError) as error:
             raise damaged_file(path, error) from error
+
+
+def is_reduced(model: object) -> TypeGuard[AntiOscillators]:
+    """Whether a model is one of the Krylov method whose anti-oscillators have not converged."""
+    if not isinstance(model, AntiOscillators) or model.info.method != "krylov":
+        return False
+    return model.info.converged is not None and model.info.converged < model.n

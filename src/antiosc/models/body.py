@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf, pi, sqrt
 from typing import (
+    TYPE_CHECKING,
     Any,
     Literal,
     NamedTuple,
@@ -31,12 +32,14 @@ from antiosc.base import checks
 from antiosc.base.errors import InputError
 from antiosc.base.texts import SMALLER_CELLS, ReprMixin, engineering, point_text
 from antiosc.engine.contact import ContactLaw
-from antiosc.engine.contact.choice import Choice, choose
 from antiosc.engine.contact.curvature import CURVED
 from antiosc.engine.contact.surfaces import Surface
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.models.stretch import Stretch
+
+if TYPE_CHECKING:
+    from antiosc.engine.contact.choice import Choice
 
 #: Key of `ModelInfo.surfaces` under which the reason stands if a surface is unknown.
 NOT_KNOWN = "not known"
@@ -435,6 +438,8 @@ def is_auto(contact: object) -> TypeGuard[Literal["auto"]]:
 
 def choice_at_sites(first: object, second: object, sites: tuple[str, str] = ("", "")) -> Choice:
     """The choice of a contact law by the surfaces of two bodies; InputError if one is unknown."""
+    from antiosc.engine.contact.choice import choose  # loaded where it is used
+
     return choose(_surface(first, sites[0]), _surface(second, sites[1]))
 
 

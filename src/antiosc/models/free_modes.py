@@ -31,10 +31,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array, ComplexArray, Numbers
+from antiosc.base._types import Array, ArrayLike, ComplexArray, Numbers
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.motion import RIGID_SHARE

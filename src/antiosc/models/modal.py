@@ -14,17 +14,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array, ComplexArray
+from antiosc.base._types import Array, ArrayLike, ComplexArray
 from antiosc.base.errors import InputError, warn
 from antiosc.base.texts import FieldsRepr, ReprMixin, percent
-from antiosc.engine.damping import DampingMatrix, FirstOrder, first_order
+from antiosc.engine.damping import DampingMatrix
 from antiosc.models.motion import Inertia, Motion, unit_vector, unit_vectors
+
+if TYPE_CHECKING:
+    from antiosc.engine.first_order import FirstOrder
 
 #: Share of a rigid motion's kinetic energy outside the body's rigid-body modes that is rounding.
 MISSED_ENERGY = 1e-8
@@ -41,7 +43,7 @@ NO_SHAPES = (
 Value: TypeAlias = Any
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Damping(FieldsRepr):
     """Damping of the free modes: decay d_j = ratio_j omega_j + alpha/2 + beta omega_j^2/2 [1/s].
 
@@ -108,7 +110,7 @@ def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | Non
     return Damping(ratio=value)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class ModalBase(ReprMixin):
     """Common base of bodies with one contact point (`ModalBody`) and with several (`SiteModes`).
 
@@ -178,6 +180,9 @@ class ModalBase(ReprMixin):
         """The body in first-order modes if its damping couples the free modes; else None."""
         if self.damping is None:
             return None
+
+        from antiosc.engine.first_order import first_order  # loaded where dampers couple modes
+
         return first_order(self.omega, self.damping)
 
     @property

@@ -100,7 +100,7 @@ class Inertia(ReprMixin):
         return np.concatenate((P, L + np.cross(self.point - about, P)), axis=-1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Motion(FieldsRepr):
     """The rigid-body motion with which a free body starts: velocity + spin x (x - about).
 
@@ -144,7 +144,7 @@ class Motion(FieldsRepr):
         return motion
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ModalState(FieldsRepr):
     """The state in which a body of a scene starts, in its mass-normalised modes.
 

@@ -20,21 +20,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array, Index
+from antiosc.base._types import Array, ArrayLike, Index
 from antiosc.base.checks import ROUNDING
 from antiosc.base.errors import InputError
 from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.models.body import Body, ModelInfo, info_of
 from antiosc.models.modal import Damping, Value, columns_of_sites
 from antiosc.models.motion import Inertia, unit_vector, unit_vectors
-from antiosc.models.recurrence import Recurrence
 from antiosc.models.stretch import Stretch
+
+if TYPE_CHECKING:
+    from antiosc.models.recurrence import Recurrence
 
 #: Parameters by name, as they are stored.
 ParameterDict = dict[str, Any]
@@ -49,7 +50,7 @@ ENERGY_ROUNDING = 1e-8
 RIGID_SHARE = 1e-11
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class Parameters(Body):
     """Fields of `AntiOscillators`, and properties that each follow from them by one formula."""
 

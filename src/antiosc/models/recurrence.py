@@ -39,7 +39,7 @@ def _ratio(damping: Damping) -> float:
     return float(np.max(damping.ratio))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ReferenceModes:
     """Free modes of unit mass of a Galerkin model, and the loads that it leaves (its residual)."""
 
@@ -106,7 +106,7 @@ class ReferenceModes:
         return share @ b + left_out.sum(axis=1) * np.maximum(self.shift / x, 1.0)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Recurrence(FieldsRepr):
     """Block Lanczos recurrence of a Krylov model, which bounds what the model leaves out."""
 

@@ -163,7 +163,7 @@ def _damped_modes(model: Parameters) -> ReducedModes:
     return reduced_modes(model.k0_matrix, m0, P, model.omega, model.rigid_modes)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReducedModes:
     """Free modes of unit mass of a model, in its own coordinates."""
 

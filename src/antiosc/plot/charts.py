@@ -15,12 +15,11 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from antiosc.base import checks, files
-from antiosc.base._types import Array
+from antiosc.base._types import Array, ArrayLike, NDArray
 from antiosc.base.errors import InputError, MissingDependencyError
-from antiosc.base.process import loading
+from antiosc.base.packages import loading
 from antiosc.base.texts import engineering, percent, prefixed
 from antiosc.plot.model_picture import draw_model
 

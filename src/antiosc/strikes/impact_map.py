@@ -42,8 +42,8 @@ from antiosc.impact.bodies import Obstacle
 from antiosc.impact.from_rest import peak_deflections
 from antiosc.impact.histories.linear_theory import beyond_theory
 from antiosc.impact.histories.verdict import CONTACT_RADII
-from antiosc.impact.reference import Settings
 from antiosc.impact.scene import simulate_impact
+from antiosc.impact.settings import Settings
 from antiosc.impact.two_bodies import Impact
 from antiosc.models import free_modes
 from antiosc.models.body import (

@@ -204,7 +204,7 @@ CHECKS: dict[str, Check] = {
     **dict.fromkeys(("band", "accuracy", "expansion"), checks.positive),
     "damping": lambda _, value: as_damping(value),
     "filter": _choice("antiosc.base.cfc:CLASSES"),
-    "method": _choice("antiosc.impact.reference:METHODS"),
+    "method": _choice("antiosc.impact.settings:METHODS"),
     "n": lambda name, value: value if value == "auto" else checks.whole(name, value, least=0),
     "quantity": _choice("antiosc.fields.probe:PROBED_QUANTITIES"),
     "times": checks.nonempty,

@@ -31,10 +31,9 @@ from math import atan, inf, log, log1p, pi, sqrt
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array
+from antiosc.base._types import Array, ArrayLike
 from antiosc.base.checks import checked_by
 from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering
@@ -67,7 +66,7 @@ _restitution = _range_check("0 < e <= 1", lambda e: 0 < e <= 1)
 _share = _range_check("0 <= share <= 1", lambda share: 0 <= share <= 1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class Patched(Compiled):
     """Base of laws with a `compliance` c [m/N] >= 0: F = f(delta + c F).
 
@@ -87,7 +86,7 @@ class Patched(Compiled):
         return sorted(super()._changed_fields(), key=lambda fact: fact[0] == "compliance")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Power(Compiled):
     """F = stiffness * delta^exponent.
 
@@ -105,7 +104,7 @@ class Power(Compiled):
     kind: ClassVar[int] = library.POWER
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Linear(Compiled):
     """F = stiffness * delta, a spring that can only push. `stiffness` in N/m."""
 
@@ -122,7 +121,7 @@ class Punch(Patched, Linear):
         return self if compliance * self.stiffness > LARGEST_SHARE else super().without(compliance)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Hertz(Compiled):
     """Hertz's law F = stiffness * delta^(3/2), optionally with less indentation by c F.
 
@@ -203,7 +202,7 @@ class Hertz(Compiled):
 HERTZ_EXPONENT = 1.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class _Damped(Patched):
     """F = stiffness * delta^exponent * (1 + d * rate/v0), never negative.
 
@@ -294,7 +293,7 @@ class Gonthier(_Damped):
         return float(brentq(mismatch, low, (1 - slope_at_end) / e, xtol=1e-16, rtol=1e-14))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Hysteretic(Patched):
     """Base of the laws of this module.
 
@@ -343,7 +342,7 @@ MEASURED_ERRORS = (
 STRAIN_ERRORS = 0.45, 0.3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ElasticPlastic(Hysteretic):
     """Sphere and flat, elastic and perfectly plastic: Hertz's law up to first yield, and beyond.
 
@@ -427,7 +426,7 @@ class ElasticPlastic(Hysteretic):
         return sqrt(2 * work / checks.positive("mass", mass, "kg"))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Thornton(Hysteretic):
     """Elastic, perfectly plastic sphere. C. Thornton, J. Appl. Mech. 64 (1997) 383-386.
 
@@ -467,7 +466,7 @@ class Thornton(Hysteretic):
         return cls(4 / 3 * E * sqrt(R), R * (pi * p / (2 * E)) ** 2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class YangSun(Hysteretic):
     """Indentation of laminates. S. H. Yang, C. T. Sun, ASTM STP 787 (1982) 425-449.
 

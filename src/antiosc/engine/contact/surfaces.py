@@ -8,7 +8,7 @@ from functools import lru_cache
 from math import inf, isinf
 from typing import Any
 
-from antiosc.base import checks, materials
+from antiosc.base import checks
 from antiosc.base.errors import InputError
 from antiosc.engine.contact.curvature import CURVED, PLANE
 
@@ -59,6 +59,9 @@ class Matter:
         low, high = self.yield_range or (slow_strength, slow_strength)
         if self.rate is None:
             return low, high
+
+        from antiosc.base import materials  # loaded where it is used
+
         return low, max(high, materials.strength_at(self.rate, slow_strength, strain_rate))
 
 
@@ -162,7 +165,10 @@ def matter_of(
 def density_of(material: object) -> float:
     """Density [kg/m^3] of a material by its name, or of an object that has one."""
     if isinstance(material, str):
+        from antiosc.base import materials  # loaded where it is used
+
         return materials.record(material).rho
+
     rho = getattr(material, "rho", None)
     if rho is None:
         raise InputError(f"the density of {checks.shown(material)} is not known: give rho or mass.")
@@ -171,6 +177,8 @@ def density_of(material: object) -> float:
 
 @lru_cache(maxsize=64)
 def _material_by_name(name: str) -> Matter:
+    from antiosc.base import materials  # loaded where it is used
+
     return _matter_of_object(materials.record(name))
 
 

@@ -28,7 +28,7 @@ from cffi import VerificationError
 
 from antiosc.base.clock import uncounted
 from antiosc.base.errors import InputError, MissingDependencyError
-from antiosc.base.process import quiet, restored
+from antiosc.base.packages import quiet, restored
 
 #: Time that a process waits for another one to compile the same form, s.
 PATIENCE = 600

@@ -10,13 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from antiosc.base._types import Array, Figure
+from antiosc.base._types import Array, ArrayLike, Figure
 from antiosc.base.errors import InputError
 from antiosc.base.texts import STOPPED, engineering, percent, point_text, restitution_text
-from antiosc.impact.histories import verdict
-from antiosc.impact.histories.bars import ErrorBudget, contact_time_note
 from antiosc.impact.histories.factors import modes_of, no_field_message, stretch_in, stretch_shapes
 from antiosc.impact.histories.motion import RunHistory
 from antiosc.impact.histories.parts import ContactHistory
@@ -24,11 +21,11 @@ from antiosc.impact.histories.site_motion import SiteMotion, site_motion
 from antiosc.impact.histories.tables import Results
 from antiosc.models.body import info_of, site_points
 from antiosc.models.parameters import has_bars
-from antiosc.plot.charts import plot_history
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from antiosc.impact.histories.bars import ErrorBudget
     from antiosc.models.body import LinearBody
 
 
@@ -147,6 +144,8 @@ class History(RunHistory, Results):
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """
+        from antiosc.plot.charts import plot_history  # loaded where a picture is drawn
+
         values = (getattr(self, field.name) for field in fields(History))
         return plot_history(History(*values) if self.named else self, path)  # with nodes in flights
 
@@ -220,6 +219,8 @@ class History(RunHistory, Results):
     @property
     def verdict(self) -> str:
         """Sentences on contacts that yield and their permanent indentations."""
+        from antiosc.impact.histories import verdict  # loaded where it is used
+
         contacts = self.contact_histories
         sentences = [(_contact_label(contact), verdict.sentence(contact)) for contact in contacts]
         if not self.named:
@@ -228,6 +229,9 @@ class History(RunHistory, Results):
 
     def summary(self) -> str:
         """The numbers of the impact, or of every contact of a scene, as a short table."""
+        from antiosc.impact.histories import verdict
+        from antiosc.impact.histories.bars import contact_time_note
+
         places = {name: point_text(point) for name, point in history_sites(self).items()}
 
         if not self.named:
@@ -387,6 +391,8 @@ def error_text(history: History) -> str:
     budget = budget_of(history)
     if budget is not None:
         return budget.causes_text("peak_force")
+
+    from antiosc.impact.histories import verdict
 
     error_text = percent(history.error["force"]) if "force" in history.error else "not estimated"
     numerical = f"numerical {error_text} ({error_scope(history)})"

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from antiosc.base.texts import LEAST_SHARE, engineering, percent, plus_minus, restitution_text
+from antiosc.impact.histories.parts import contacts_of_main
 
 #: Quantities of an impact that have bars, and their units.
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
@@ -285,19 +284,6 @@ def differences(first: object, second: object) -> dict[str, float]:
 def comparable(first: Any, second: Any) -> bool:
     """Whether the main impacts of two results have, as far as is known, as many contacts."""
     return contacts_of_main(first) == contacts_of_main(second)
-
-
-def contacts_of_main(result: Any) -> int:
-    """Number of contacts of the main impact; 0 if it is not known."""
-    contacts = np.array(getattr(result, "contacts", ())).reshape(-1, 2)
-    if not len(contacts):
-        return 0
-
-    lasted = contacts[None, :, 1] - contacts[:, None, 0]
-    nearest = int(abs(lasted - result.contact_time).argmin())
-    first, last = divmod(nearest, len(contacts))
-
-    return last - first + 1
 
 
 #: Of what a contact time is, where the impact has several contacts and no other follows.

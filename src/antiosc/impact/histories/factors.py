@@ -7,10 +7,9 @@ velocities and the forces; nothing is differentiated numerically.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array
+from antiosc.base._types import Array, ArrayLike
 from antiosc.base.errors import InputError
 from antiosc.impact.histories.motion import RunHistory
 from antiosc.impact.histories.parts import BodyHistory

@@ -7,18 +7,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import checks
-from antiosc.base._types import Array, Index
+from antiosc.base._types import Array, ArrayLike, Index
 from antiosc.base.errors import InputError
 from antiosc.engine.march import Run
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import RigidBody, SceneBody
-from antiosc.impact.enclosure import Enclosure
 from antiosc.impact.histories.energy import Energy, energy_balance
 from antiosc.impact.histories.parts import BodyHistory, ContactHistory, OneContact, SceneRun
 from antiosc.impact.states import (
@@ -32,12 +30,15 @@ from antiosc.impact.states import (
 )
 from antiosc.models.modal import ModalBody, SiteModes
 
+if TYPE_CHECKING:
+    from antiosc.impact.enclosure import Enclosure
+
 
 class SeveralContactsError(InputError, AttributeError):
     """A result of a single contact is asked of a history with several."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class RunHistory(OneContact):
     """Motion, forces and energies of a run: `History` without its tables and texts."""
 

@@ -7,26 +7,40 @@ from ctypes import byref
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isnan
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from antiosc.base import checks
-from antiosc.base._types import Array
+from antiosc.base._types import Array, ArrayLike, NDArray
 from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
-from antiosc.engine.contact.dent import Dent, dent_of
 from antiosc.engine.march import Run
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import SceneBody
-from antiosc.impact.enclosure import Enclosure
-from antiosc.impact.histories.bars import contacts_of_main
 from antiosc.impact.histories.energy import impulses
 from antiosc.impact.scene_parts import find_site, site_row
 from antiosc.impact.states import contact_intervals, record_of, starts, with_flight_nodes
 from antiosc.models.stretch import Stretch
+
+if TYPE_CHECKING:
+    from antiosc.engine.contact.dent import Dent
+    from antiosc.impact.enclosure import Enclosure
+
+
+def contacts_of_main(result: Any) -> int:
+    """Number of contacts of the main impact; 0 if it is not known."""
+    contacts = np.array(getattr(result, "contacts", ())).reshape(-1, 2)
+    if not len(contacts):
+        return 0
+
+    lasted = contacts[None, :, 1] - contacts[:, None, 0]
+    nearest = int(abs(lasted - result.contact_time).argmin())
+    first, last = divmod(nearest, len(contacts))
+
+    return last - first + 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +90,8 @@ class OneContact:
     @property
     def dent(self) -> Dent | None:
         """The permanent indentation; None for an elastic contact."""
+        from antiosc.engine.contact.dent import dent_of  # loaded where it is used
+
         return dent_of(self.law, self.deepest)
 
     @property
