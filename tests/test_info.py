@@ -100,3 +100,18 @@ def test_a_process_of_the_mpirun_of_another_mpi_is_refused():
     )
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.startswith("antiosc: this process was started by the mpirun of another MPI")
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_packages_that_need_no_trial_are_not_loaded():
+    names = ["matplotlib", "meshio", "jinja2"]
+    done = ran(f"""
+        import sys
+        from antiosc_app.cli import main
+        code = main(["info"])
+        assert not {{*{names}}} & sys.modules.keys()
+        sys.exit(code)
+        """)
+    assert done.returncode == 0, done.stderr
+    assert not set(names) & set(row(done.stdout, "loaded").partition(";")[0].split(", "))

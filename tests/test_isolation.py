@@ -249,3 +249,29 @@ def test_what_others_change_is_put_back(monkeypatch):
     with restored():
         assert vendored in sys.path
     assert vendored not in sys.path
+
+
+#: Modules that take long to load, and that a first impact by a given law does not need.
+NOT_FOR_ONE_IMPACT = {
+    *("difflib", "locale", "logging", "numpy.typing", "platform", "scipy", "shutil", "tempfile"),
+    *("tomllib", "zipfile", "antiosc.base.materials", "antiosc.engine.contact.choice"),
+    *("antiosc.engine.first_order", "antiosc.impact.enclosure", "antiosc.impact.error_budget"),
+    *("antiosc.impact.reference", "antiosc.impact.stretching", "antiosc.impact.truncation"),
+    *("antiosc.models.recurrence", "antiosc.plot.charts"),
+}
+
+
+def test_a_first_impact_loads_what_it_uses():
+    code = f"""
+        import sys
+        import numpy
+        before = set(sys.modules)
+        import antiosc as ao
+        model = ao.AntiOscillators(m0=0.01, k0=1e6, m=[1e-3, 1e-3], omega=[1e4, 2e4])
+        hit = ao.simulate(model, ao.RigidMass(0.03, velocity=1.0), ao.Hertz(1e9), duration=1e-3)
+        assert hit.peak_force > 0
+        print(*sorted((set(sys.modules) - before) & {NOT_FOR_ONE_IMPACT}))
+        """
+    given = [sys.executable, "-c", textwrap.dedent(code)]
+    done = subprocess.run(given, capture_output=True, text=True, timeout=600)
+    assert (done.returncode, done.stdout.split()) == (0, []), done.stderr

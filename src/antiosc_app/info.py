@@ -12,7 +12,7 @@ import subprocess
 import sys
 import sysconfig
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,7 +25,11 @@ BROKEN = "fails to load"
 
 
 class Package(NamedTuple):
-    """A package that antiosc can use; `meshes`: whether structures with a mesh need it."""
+    """A package that antiosc can use.
+
+    `meshes`: whether structures with a mesh need it; `version`: loads it and returns its version;
+    without it the version is read where pip or Debian wrote it.
+    """
 
     name: str
     module: str
@@ -88,9 +92,9 @@ def packages_found() -> dict[Package, str]:
 
 def _version_of(package: Package) -> str:
     """The version of a package that is installed."""
-    if package.version is not None:
-        return package.version()
-    return str(importlib.import_module(package.module).__version__)
+    return (
+        importlib.metadata.version(package.module) if package.version is None else package.version()
+    )
 
 
 def c_compiler() -> str:
@@ -100,7 +104,7 @@ def c_compiler() -> str:
 
 
 def meshes_work() -> bool:
-    """Whether everything that structures with a mesh need is installed and loads."""
+    """Whether everything that structures with a mesh need is installed, and loads where tried."""
     versions = packages_found()
     return bool(c_compiler()) and all(
         versions[p] and not versions[p].startswith(BROKEN) for p in versions if p.meshes
@@ -117,6 +121,8 @@ def report() -> str:
         if is_broken:
             remarks.append(f"{package.name} is installed but {found}")
 
+    loaded = ", ".join(package.name for package in PACKAGES if package.version is not None)
+    rows.append(("loaded", f"{loaded}; of the others the version is read"))
     rows.append(("C compiler", c_compiler() or "missing"))
     if not c_compiler():
         remarks.append("Missing: C compiler, for meshes. Remedy: install gcc, or set CC to another")
@@ -198,6 +204,11 @@ def blas() -> str:
     return next((f"{pool['internal_api']}  {pool['filepath']}" for pool in pools), "unknown")
 
 
+def _loaded(module: str) -> str:
+    """Version of a package, which this loads."""
+    return str(importlib.import_module(module).__version__)
+
+
 def _mpi() -> str:
     """Version of MPI."""
     start_mpi()
@@ -222,17 +233,17 @@ def _gmsh() -> str:
 
 
 PACKAGES = [
-    Package("NumPy", "numpy", False),
+    Package("NumPy", "numpy", False, partial(_loaded, "numpy")),
     Package("SciPy", "scipy", False),
     Package("matplotlib", "matplotlib", False),
     Package("jinja2", "jinja2", False),
     Package("MPI", "mpi4py", True, _mpi),
     Package("mpi4py", "mpi4py", True),
-    Package("petsc4py", "petsc4py", True),
-    Package("slepc4py", "slepc4py", True),
-    Package("dolfinx", "dolfinx", True),
+    Package("petsc4py", "petsc4py", True, partial(_loaded, "petsc4py")),
+    Package("slepc4py", "slepc4py", True, partial(_loaded, "slepc4py")),
+    Package("dolfinx", "dolfinx", True, partial(_loaded, "dolfinx")),
     Package("gmsh", "gmsh", True, _gmsh),
     Package("threadpoolctl", "threadpoolctl", False),
     Package("meshio", "meshio", True),
-    Package("h5py", "h5py", True),
+    Package("h5py", "h5py", True, partial(_loaded, "h5py")),
 ]
