@@ -48,7 +48,7 @@ class CellProduct:
 
     @cached_property
     def diagonal(self) -> Array:
-        """The diagonal on the rows of this rank."""
+        """The diagonal on the rows of this rank; once there are entries, theirs."""
         blocks = self.cells.blocks(self.k, self.m)
         rows = np.arange(len(blocks))
         return np.asarray(blocks[rows, rows % blocks.shape[1]])
@@ -87,6 +87,7 @@ def with_entries(matrix: PETSc.Mat) -> PETSc.Mat:
         return matrix
     product = matrix.getAttr(CELLS_KEY)
     result = product.cells.entries(product.k, product.m)
+    vars(product).setdefault("diagonal", np.array(result.getDiagonal().array_r))
     watch(result)
     return result
 

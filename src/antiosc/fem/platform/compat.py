@@ -367,7 +367,12 @@ def assemble(
     `fixed`: path of a scalar component -> its dofs on this rank, ghosts included.
     """
     zero = np.zeros((), dtype=PETSc.ScalarType)
-    bcs = [fem.dirichletbc(zero, dofs, subspace(space, path)) for path, dofs in fixed.items()]
+    bcs = []
+    for path, dofs in fixed.items():
+        component = subspace(space, path)
+        # dolfinx 0.5 would first try the Python object, and write all dofs into the error
+        component = component._cpp_object if EARLY else component
+        bcs.append(fem.dirichletbc(zero, dofs, component))
 
     total = None
     for form in forms:
