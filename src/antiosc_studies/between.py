@@ -5,7 +5,6 @@ describes.
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.engine.contact.choice import choose
-from antiosc.engine.contact.curvature import CURVED, SHARP, Curvature
+from antiosc.engine.contact.curvature import CURVED, SHARP
 from antiosc.engine.contact.surfaces import RIGID, Surface, matter_of
 from antiosc.models.body import Body
 from antiosc.reduce.site import functional
@@ -67,16 +66,7 @@ def contact_between(
 
     if not isinstance(other, Floor):
         return choose(surface, _other(other, at)).law
-    if other.law is not None:
-        return other.law
-    if other.layer is not None:
-        return law_of(other, Curvature.of_radii(*_radii(surface)), surface.matter)
-    return choose(surface, other.face, other.restitution).law
-
-
-def _radii(surface: Surface) -> list[float]:
-    """Principal radii [m]; inf where it is flat."""
-    return [1 / curvature if curvature else inf for curvature in surface.curvatures]
+    return law_of(other, surface)
 
 
 def _other(other: Any, at: object) -> Surface:

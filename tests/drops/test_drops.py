@@ -19,14 +19,13 @@ from antiosc.base.texts import engineering, percent
 from antiosc_app import falls, results
 from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.episode import handed_over
-from antiosc_studies.drops.fall import fall_of
+from antiosc_studies.drops.fall import fall_of, initial_state
 from antiosc_studies.drops.flight import Flight, displacement_bounds, free_rotation, ringing
 from antiosc_studies.drops.floor import law_at
 from antiosc_studies.drops.free_body import State
 from antiosc_studies.drops.impacts import Impacts
 from antiosc_studies.drops.orientation import tilted
 from antiosc_studies.drops.touching import BODY, Touch
-from antiosc_studies.drops.trajectory import initial_state
 from falling import CORNERS, HALF, G, bar, block, floating, landed, setting, started
 from law_formulas import restitution_of
 

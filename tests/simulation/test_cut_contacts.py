@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.engine.equilibrium import set_initial_forces
+from antiosc.engine.equilibrium import continue_contacts, set_initial_forces
 from antiosc.engine.march import Run
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.scene import integrate_exact
@@ -98,7 +98,7 @@ def cut(made: Assembly, whole: Run, t: float) -> Assembly:
     (q,), (v,) = at(made, whole, np.array([t]))
     rest = replace(made, system=replace(made.system, q=q, v=v))
     force = forces(whole, *locate(whole, np.array([t])))[0, :1]
-    set_initial_forces(rest.system, cut=(whole.contact_states(made.system, t), force))
+    continue_contacts(rest.system, whole.contact_states(made.system, t), force)
     return rest
 
 

@@ -13,11 +13,11 @@ from scipy.interpolate import CubicSpline
 import antiosc as ao
 from antiosc.engine.contact.surfaces import RIGID
 from antiosc_studies.drops.episode import Episode
+from antiosc_studies.drops.fall import initial_state
 from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.orientation import tilted
-from antiosc_studies.drops.trajectory import initial_state
 
 G = 9.80665
 

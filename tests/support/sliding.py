@@ -74,12 +74,12 @@ def system_of(scene: Scene) -> System:
         decay=None,
         beta=np.eye(directions) / root,
         v=np.zeros(directions),
-        q=root * np.array([pressed / scene.normal, *scene.start]),
-        loads=np.array([[scene.pressing / root, *[0.0] * len(scene.springs)]]),
+        load=np.array([scene.pressing / root, *[0.0] * len(scene.springs)]),
     )
-    tangents = [(1, len(scene.springs))]
     law = ao.Linear(scene.normal)
-    system = posed([body], [law], np.zeros((directions, directions)), tangents=tangents)
+    system = posed([body], [law], np.zeros((directions, directions)))
+    system.tangents[0] = 1, len(scene.springs)
+    system.q[:] = root * np.array([pressed / scene.normal, *scene.start])
     system.slip[0] = scene.friction, scene.tangential
     system.mass[0], system.depth[0] = scene.mass, pressed / scene.normal
     system.speed[0] = pressed / np.sqrt(scene.mass * scene.normal)

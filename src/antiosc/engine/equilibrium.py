@@ -29,6 +29,7 @@ def _resting_state(system: System) -> tuple[Array, Array]:
     p = len(laws)
     states = _states(laws, [None] * p)
     beta = system.beta[:p]
+    R = system.R[:p, :p]
     load = system.loads[0]
     gap = system.offsets[0, :p]
     square = system.omega**2
@@ -44,33 +45,34 @@ def _resting_state(system: System) -> tuple[Array, Array]:
     typical = np.abs(beta).max() ** 2
     stiff = max(float(square.max(initial=0.0)), typical)
     damp = 1e-6 * stiff
-    W, force, slope = _closed_contacts(laws, states, beta @ q - gap, system.R[:p, :p], force)
 
-    value = 0.5 * square @ q**2 - load @ q + W
+    def pushed_back(q: Array, guess: Array) -> tuple[Array, Array, float]:
+        """Contact forces (p,), indentations (p,), and the potential of the scene."""
+        free = beta @ q - gap
+        force = _closing_forces(laws, states, free, R, guess)
+        delta = free - R @ force
+        W = _potential(laws, states, delta, R, force)
+        return force, delta, float(0.5 * square @ q**2 - load @ q + W)
+
+    force, delta, value = pushed_back(q, force)
     for _ in range(_ITERATIONS):
         residual = load - square * q - beta.T @ force
         scale = size + float(np.abs(beta.T @ force).max())
         if np.abs(residual).max() <= 1e-12 * scale:
             return q, force
-        H = np.diag(square) + beta.T @ slope @ beta
+        H = np.diag(square) + beta.T @ _stiffness(laws, states, delta, R) @ beta
         while True:
             step = np.linalg.solve(H + damp * np.eye(q.size), residual)
             new = q + step
-            W, new_force, stiffness = _closed_contacts(
-                laws, states, beta @ new - gap, system.R[:p, :p], force
-            )
-            new_potential = 0.5 * square @ new**2 - load @ new + W
-            if new_potential <= value + 1e-14 * abs(value):
+            new_force, new_delta, new_value = pushed_back(new, force)
+            if new_value <= value + 1e-14 * abs(value):
                 break
             damp *= 10
             if damp > 1e30 * stiff:
                 break
 
         stalled = np.abs(step).max() <= 1e-15 * np.abs(new).max()
-        q = new
-        force = new_force
-        slope = stiffness
-        value = new_potential
+        q, force, delta, value = new, new_force, new_delta, new_value
         if stalled and np.abs(residual).max() <= 1e-8 * scale:
             return q, force
         damp = max(damp / 10, 1e-18 * stiff)
@@ -85,45 +87,62 @@ def _resting_state(system: System) -> tuple[Array, Array]:
     )
 
 
-def set_initial_forces(
-    system: System,
-    preload: bool = False,
-    cut: tuple[Sequence[ContactState | None], Array] | None = None,
-) -> None:
-    """Set the forces of the contacts that are closed at the start.
+def set_initial_forces(system: System, preload: bool = False) -> None:
+    """Set the forces of the contacts that are closed at the start."""
+    p = len(system.laws)
+    R = system.R[:p, :p]
+    states = _states(system.laws, [None] * p)
+    if preload:
+        system.q[:], force = _resting_state(system)
 
-    cut : states of contacts at the end of an earlier run, and their forces (p,) [N].
+    free = system.beta[:p] @ system.q - system.offsets[0, :p]
+    if not preload:
+        if not (free > 0).any():
+            return
+        force = _closing_forces(system.laws, states, free, R, np.zeros(p))
+
+    system.pressed[:] = force
+    if force.any():
+        delta = np.maximum(free - R @ force, 0.0)
+        system.depth[:] = np.maximum(system.depth, delta)
+        system.contact_energy = _potential(system.laws, states, delta, R, force)
+
+
+def continue_contacts(
+    system: System, contacts: Sequence[ContactState | None], forces: Array
+) -> None:
+    """Set the contacts that go on from an earlier run, and the forces of all at the start.
+
+    contacts : their states (p) at the end of that run, which may lie between two nodes; None of a
+    new one; forces : (p,) [N] at that end.
     """
     laws = system.laws
     p = len(laws)
     R = system.R[:p, :p]
-    contacts: list[ContactState | None] = [None] * p if cut is None else list(cut[0])
-    system.contact_states = None if cut is None else contacts
-    if preload:
-        system.q[:], system.pressed[:] = _resting_state(system)
-
     free = system.beta[:p] @ system.q - system.offsets[0, :p]
-    if not preload and (free > 0).any():
-        system.pressed[:] = _closed_contacts(laws, _states(laws, contacts), free, R, np.zeros(p))[1]
-    if cut is not None:
-        goes_on = [contact is not None and contact.closed for contact in contacts]
-        system.pressed[:] = np.where(goes_on, np.maximum(cut[1], 0.0), system.pressed)
+    rates = _row_rates(system).tolist()
+    states = _states(laws, contacts)
+    new = np.zeros(p)
+    if (free > 0).any():
+        new = _closing_forces(laws, states, free, R, new)
+
+    goes_on = [contact is not None and contact.closed for contact in contacts]
+    system.pressed[:] = np.where(goes_on, np.maximum(forces, 0.0), new)
+    system.contact_states = contacts = list(contacts)
     if not system.pressed.any():
         return
 
     delta = np.maximum(free - R @ system.pressed, 0.0)
     system.depth[:] = np.maximum(system.depth, delta)
-
-    if cut is not None:  # it may lie between two nodes
-        rate = _row_rates(system).tolist()
-        for c, contact in enumerate(contacts):
-            if contact is not None and contact.closed:
-                state = laws[c].advance(float(delta[c]), rate[c], contact.state)
-                contacts[c] = contact._replace(state=state)
-
     energy = 0.5 * float(system.pressed @ R @ system.pressed)
-    for law, d, state in zip(laws, delta.tolist(), _states(laws, contacts), strict=True):
-        energy += law.energy(d, state) if cut is not None else law.potential(d, state)
+
+    for c, (law, contact, d) in enumerate(zip(laws, contacts, delta.tolist(), strict=True)):
+        state = states[c]
+        if contact is not None and contact.closed:
+            state = law.advance(d, rates[c], state)
+            contacts[c] = contact._replace(state=state)
+        energy += law.energy(d, state)
+
     system.contact_energy = energy
 
 
@@ -144,15 +163,14 @@ def _row_rates(system: System) -> Array:
     return rate - system.gamma @ pull
 
 
-def _closed_contacts(
+def _closing_forces(
     laws: Sequence[ContactLaw], states: list[State], free: Array, R: Array, guess: Array
-) -> tuple[float, Array, Array]:
-    """Potential [J] of all contacts, forces (p,) [N], and their derivatives (p, p) [N/m].
+) -> Array:
+    """Forces (p,) [N] of contacts, from a guess.
 
-    free : (p,) indentations without forces; R : (p, p) residual compliance; guess : (p,) forces.
+    free : (p,) indentations [m] without forces; R : (p, p) residual compliance [m/N].
     """
-    p = len(laws)
-    force = guess.copy() if np.any(R) else np.zeros(p)
+    force = guess.copy() if np.any(R) else np.zeros(len(laws))
     for _ in range(1000):
         change = 0.0
         for c, law in enumerate(laws):
@@ -163,11 +181,19 @@ def _closed_contacts(
         if change <= 1e-14 * float(np.abs(force).max()) or not np.any(R):
             break
 
-    delta = free - R @ force
-    slopes = np.array(
-        [law.tangent(float(delta[c]), 0.0, states[c])[0] for c, law in enumerate(laws)]
-    )
-    W = sum(law.potential(float(delta[c]), states[c]) for c, law in enumerate(laws))
-    W += 0.5 * float(force @ R @ force)
-    D = np.diag(slopes)
-    return float(W), force, np.linalg.solve(np.eye(p) + D @ R, D)
+    return force
+
+
+def _potential(
+    laws: Sequence[ContactLaw], states: list[State], delta: Array, R: Array, force: Array
+) -> float:
+    """Potential [J] of contacts at indentations (p,) and of the residual compliance."""
+    W = sum(law.potential(d, s) for law, d, s in zip(laws, delta.tolist(), states, strict=True))
+    return W + 0.5 * float(force @ R @ force)
+
+
+def _stiffness(laws: Sequence[ContactLaw], states: list[State], delta: Array, R: Array) -> Array:
+    """Derivatives (p, p) [N/m] of the forces of contacts by their indentations without forces."""
+    at_rest = zip(laws, delta.tolist(), states, strict=True)
+    D = np.diag([law.tangent(d, 0.0, state)[0] for law, d, state in at_rest])
+    return np.linalg.solve(np.eye(len(laws)) + D @ R, D)

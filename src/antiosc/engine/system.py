@@ -237,10 +237,8 @@ class BodyModes(NamedTuple):
     omega: Array
     decay: Array | None
     beta: Array  # (m, J) displacements in the rows of the system, or (J,) in its only row
-    #: v, q: (J,) modal velocities and displacements at the start
-    v: Array
-    q: Array | None = None
-    loads: Array | None = None  # (K, J) modal loads at the breaks
+    v: Array  # (J,) modal velocities at the start
+    load: Array | None = None  # (J,) modal forces that last
 
 
 def side_by_side(sizes: Iterable[int]) -> list[slice]:
@@ -252,24 +250,21 @@ def posed(
     bodies: Sequence[BodyModes],
     laws: Sequence[ContactLaw],
     R: Array,
-    offsets: Array | float = 0.0,
-    breaks: Array = _START_TIME,
-    tangents: Sequence[tuple[int, int]] | None = None,
+    gap: float = 0.0,
     first: StackedModes | None = None,
 ) -> System:
-    """The system of bodies side by side, in m rows, of which the first p are contacts.
+    """The system of bodies side by side in m rows, of which the first p are contacts.
 
-    R : (m, m) residual compliance; offsets, breaks : gaps and times of loads; tangents : first
-    tangential row of each contact, and their number. Expected masses, depths and speeds stay 0.
+    R : (m, m) residual compliance; gap : [m] of all rows. Expected masses, depths and speeds stay
+    0.
     """
     spans = side_by_side([body.omega.size for body in bodies])
-    size, m, times = spans[-1].stop, len(R), breaks.size
+    size, m = spans[-1].stop, len(R)
 
     omega, decay, q, v = np.zeros((4, size))
     beta = np.zeros((m, size))
-    loads = np.zeros((times, size))
-    gaps = np.zeros((times, m))
-    gaps[:] = offsets
+    loads = np.zeros((1, size))
+    gaps = np.full((1, m), gap)
 
     for body, span in zip(bodies, spans, strict=True):
         omega[span] = body.omega
@@ -277,18 +272,13 @@ def posed(
         v[span] = body.v
         if body.decay is not None:
             decay[span] = body.decay
-        if body.q is not None:
-            q[span] = body.q
-        if body.loads is not None:
-            loads[:, span] = body.loads
+        if body.load is not None:
+            loads[0, span] = body.load
 
     contacts = np.zeros(len(laws), CONTACT)
     contacts["first_tangential"] = m
-    system = System(omega, decay, beta, R, breaks, loads, gaps, laws, contacts, q, v, first=first)
-    if tangents is not None:
-        system.tangents[...] = tangents
-
-    return system
+    times = _START_TIME, loads, gaps
+    return System(omega, decay, beta, R, *times, laws, contacts, q, v, first=first)
 
 
 Key = tuple[int, int, int, bytes]

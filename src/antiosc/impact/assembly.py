@@ -20,7 +20,7 @@ from antiosc.base.errors import InputError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.law_tables import packed, raise_error
-from antiosc.engine.system import BodyModes, System, posed
+from antiosc.engine.system import CONTACT, System
 from antiosc.impact import scene_parts
 from antiosc.impact.bodies import SceneBody, scene_body, stacked_first_order
 from antiosc.impact.scene_parts import Contact, SceneParts
@@ -259,7 +259,7 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     ends = []
     for contact in scene.contacts:
         ends.append((find(contact.a, bodies), find(contact.b, bodies)))
-    scene_parts.set_axes(scene, ends, bodies)
+    scene_parts.set_axes(ends, bodies)
     normal = []
     tangents = []
     gap = []
@@ -281,21 +281,23 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     laws, notes = _laws(scene, local)
     if not len(stacked.B):
         raise InputError("nothing in the scene can move: every body is an obstacle.")
-    beta = G @ stacked.B.T
-    R = G @ stacked.r @ G.T
-    modes = [
-        BodyModes(
-            body.omega,
-            body.modes.decay,
-            beta[:, span],
-            body.start,
-            body.initial_displacements,
-            loads[:, span],
-        )
-        for body, span in zip(bodies.values(), stacked.spans.values(), strict=True)
-    ]
-    first = stacked_first_order(bodies.values())
-    system = posed(modes, laws, R, offsets, breaks, tangents, first)
+
+    rows = np.zeros(len(laws), CONTACT)
+    rows["first_tangential"], rows["n_tangential"] = np.transpose(tangents)
+    system = System(
+        stacked.omega,
+        stacked.decay,
+        G @ stacked.B.T,
+        G @ stacked.r @ G.T,
+        breaks,
+        loads,
+        offsets,
+        laws,
+        rows,
+        stacked.q,
+        stacked.v,
+        first=stacked_first_order(bodies.values()),
+    )
     time = expect_contacts(scene, system, local, duration)
 
     return Assembly(scene, bodies, G, laws, notes, system, time)

@@ -279,6 +279,11 @@ class StackedBodies(NamedTuple):
     columns: dict[str, slice]  # of the columns of each body
     B: Array  # (J, P) displacements of all columns
     r: Array  # (P, P) their residual compliance
+    #: omega, decay, q, v: (J,) frequencies, decay constants, and the motion at the start
+    omega: Array
+    decay: Array
+    q: Array
+    v: Array
 
 
 def stacked_bodies(bodies: Mapping[str, SceneBody]) -> StackedBodies:
@@ -286,14 +291,21 @@ def stacked_bodies(bodies: Mapping[str, SceneBody]) -> StackedBodies:
     modes = side_by_side([body.omega.size for body in bodies.values()])
     sites = side_by_side([body.B.shape[1] for body in bodies.values()])
     spans, columns = (dict(zip(bodies, slices, strict=True)) for slices in (modes, sites))
-    total = sites[-1].stop
-    B = np.zeros((modes[-1].stop, total))
+    size, total = modes[-1].stop, sites[-1].stop
+    B = np.zeros((size, total))
     r = np.zeros((total, total))
+    omega, decay, q, v = np.zeros((4, size))
     for name, body in bodies.items():
-        B[spans[name], columns[name]] = body.B
+        span = spans[name]
+        B[span, columns[name]] = body.B
         r[columns[name], columns[name]] = body.r
+        omega[span] = body.omega
+        decay[span] = body.decay
+        v[span] = body.start
+        if body.initial_displacements is not None:
+            q[span] = body.initial_displacements
 
-    return StackedBodies(spans, columns, B, r)
+    return StackedBodies(spans, columns, B, r, omega, decay, q, v)
 
 
 End = tuple[SceneBody, str]  # a body and the name of its site
@@ -319,9 +331,7 @@ def find_site(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
     raise InputError(f"{end!r} names no site of the body {name!r}; it has {site_names}.")
 
 
-def set_axes(
-    scene: SceneParts, ends: Sequence[tuple[End, End]], bodies: Mapping[str, SceneBody]
-) -> None:
+def set_axes(ends: Sequence[tuple[End, End]], bodies: Mapping[str, SceneBody]) -> None:
     """Give sites without a direction (`SceneBody.axes`) the direction of their contacts."""
     open_ends = [
         [(body.name, at) for body, at in pair if body.sites[at] and body.directions is None]

@@ -76,7 +76,7 @@ class Pair(NamedTuple):
         pair = self.structure, self.impactor
         modes = self.modes
         bodies = [
-            BodyModes(one.omega, one.decay, one.closing, body.start, None, pull)
+            BodyModes(one.omega, one.decay, one.closing, body.start, pull)
             for one, body, pull in zip(modes, pair, self.pull, strict=True)
         ]
         coupled = any(one.damping is not None for one in modes)

@@ -13,7 +13,7 @@ a smooth solid's patch as part of a half-space is subtracted from r, since Hertz
 from __future__ import annotations
 
 from contextlib import suppress
-from functools import cache, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,9 +40,6 @@ MODES: int = 60
 MOST_MODES = 5000  # 8 bytes × dofs × modes: 0.4 GB at 10 000 dofs
 #: Default damping ratio of the free modes.
 RATIO = 0.01
-#: If the hull has at most so many vertices, the patches of all are computed together with the
-#: modes.
-FEW_VERTICES = 16
 
 
 def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> FreeBody:
@@ -132,7 +129,8 @@ def _elastic(
     centre = rigid.centre
     arm = rigid.point - rigid.centre
     tensor = rigid.matrix[3:, 3:] - rigid.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    body = FreeBody(
+
+    return FreeBody(
         mass=rigid.mass,
         centre=centre,
         tensor=(tensor + tensor.T) / 2,
@@ -152,11 +150,8 @@ def _elastic(
         structure=structure,
         basis=phi,
         skin=skin,
-        residual=cache(partial(_patches, structure, phi, omega, skin, hull_points, rounded)),
+        residual=partial(_patches, structure, phi, omega, skin, hull_points, rounded),
     )
-    if len(hull_points) <= FEW_VERTICES:  # all of them may touch: together they cost less
-        body.sites(np.arange(len(hull_points)))
-    return body
 
 
 def _facets(skin: Skin, hull_points: IntArray, sharp: BoolArray) -> dict[int, Array]:

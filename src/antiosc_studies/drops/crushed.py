@@ -16,6 +16,7 @@ from scipy.optimize import brentq, linprog
 
 from antiosc import ContactLaw, ElasticPlastic, Tabulated
 from antiosc.base._types import Array
+from antiosc_studies.drops.free_body import FreeBody, State
 
 #: Mean pressure on the cut over the yield strength: 1.9 to 2.9 for cones of 45° to balls (K. L.
 #: Johnson, Contact Mechanics, 1985, 6.3).
@@ -29,6 +30,30 @@ LEVEL_SINE = sin(np.radians(1.0))
 DEPTHS = np.geomspace(1e-3, 20.0, 80)
 #: Largest share of the work that unloading gives back, and of a depth that remains.
 MOST_RETURNED, MOST_LEFT = 0.95, 0.99
+
+
+def law_of_corner(
+    ball: ElasticPlastic, edges: Array, body: FreeBody, start: State, arm: Array
+) -> ContactLaw:
+    """The law of a sharp corner of a body that touches in the state `start`.
+
+    ball : law of the ball in the corner; edges : as for `cut_growth`, in the axes of the body;
+    arm : (3,) from the centre of mass to the corner [m].
+    """
+    up = start.R[2]
+    work = _work(body, start, arm)
+    growth = cut_growth(edges, up)
+    if growth is None:
+        return ball
+    return crushed(ball, growth, tip(edges, up, ball.radius), work)
+
+
+def _work(body: FreeBody, start: State, arm: Array) -> float:
+    """Kinetic energy [J] that a force at an arm (3,) of the rigid body can take."""
+    turning = np.cross(arm, [0.0, 0.0, 1.0]) @ start.R
+    inverse_mass = 1 / body.mass + float(turning @ body.inverse @ turning)
+    speed = float((start.velocity + np.cross(start.spin(body), arm))[2])
+    return speed**2 / (2 * inverse_mass)
 
 
 def crushed(ball: ElasticPlastic, growth: float, tip: float, work: float) -> ContactLaw:

@@ -18,11 +18,11 @@ from antiosc.base.progress import doing
 from antiosc.base.texts import engineering
 from antiosc_studies.drops.body import MODES, MOST_MODES, free_body
 from antiosc_studies.drops.ensemble import Tilts, tumbles
-from antiosc_studies.drops.fall import Fall, fall_of
+from antiosc_studies.drops.fall import Fall, fall_of, initial_state
 from antiosc_studies.drops.floor import Floor, Setting, as_floor
 from antiosc_studies.drops.free_body import FreeBody
 from antiosc_studies.drops.orientation import orientation
-from antiosc_studies.drops.trajectory import MOST_IMPACTS, initial_state
+from antiosc_studies.drops.trajectory import MOST_IMPACTS
 
 #: Longest first flight [s].
 LONGEST_FLIGHT = 1e4

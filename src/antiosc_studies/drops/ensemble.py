@@ -16,11 +16,10 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.progress import counting
 from antiosc.base.texts import FieldsRepr
 from antiosc_studies.chance.monte_carlo import rows_of_runs, sample_of
-from antiosc_studies.drops.fall import fall_of
+from antiosc_studies.drops.fall import fall_of, initial_state
 from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
-from antiosc_studies.drops.trajectory import initial_state
 
 #: Results of each impact that are kept.
 QUANTITIES = ("peak_force", "impulse", "contact_time", "lost")
@@ -62,7 +61,8 @@ def tumbles(
 ) -> Many:
     """The falls of an ensemble, each drawn from a seed that depends on its number alone."""
     seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)
-    draw = partial(_random_fall, body.alone(), start, setting, ensemble)
+    body.sites(np.arange(len(body.points)))  # a fall must not depend on where earlier ones landed
+    draw = partial(_random_fall, body, start, setting, ensemble)
     rows: list[dict[str, float] | str] = []
 
     with counting("falls", n) as report:

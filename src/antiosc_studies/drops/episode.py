@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from antiosc import SceneHistory
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.extension import impulses
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
@@ -23,6 +23,7 @@ from antiosc_studies.drops.path import (
     run_converged,
     sufficient_duration,
 )
+from antiosc_studies.drops.skin import SMOOTH_COSINE
 from antiosc_studies.drops.touching import BODY, OngoingContact, Touch, scene_of
 
 # Measured: an aluminium plate of 120 x 60 x 12 mm with 12 modes, dropped from 0.5 m at the default
@@ -43,6 +44,8 @@ SINK_SHARE = 1e-4
 MOST_POINTS = 12
 #: A scene that stalls earlier is cut to half its rotation and half its time, at most so many times.
 MOST_CUTS = 8
+#: Points of a solid that are closer together than this share of the extent are one contact.
+APART = 0.04
 #: After a cut the next episode may last so many times as long.
 GROWTH = 1.5
 
@@ -238,15 +241,36 @@ def _candidates(touch: Touch, heights: Array, time: float, ongoing: list[int]) -
     distance = REACH * float(speeds.max()) * time
     candidates = [*ongoing]
 
-    covered = body.touching_as(candidates)
+    covered = _sharing_contact(body, candidates)
     for i in np.argsort(heights, kind="stable").tolist():
         if candidates and (heights[i] > distance or len(candidates) >= MOST_POINTS):
             break
         if not covered[i]:
             candidates.append(i)
-            covered |= body.touching_as([i])
+            covered |= _sharing_contact(body, [i])
 
     return np.array(candidates)
+
+
+def _sharing_contact(body: FreeBody, which: list[int]) -> BoolArray:
+    """(V,) mask of points that share a contact with one of the points `which`.
+
+    Points of a solid share a contact if they are close together and face the same way, as on a
+    round edge, or belong to one ball, or lie on one rounded corner. Two corners of a slender
+    bar are two contacts.
+    """
+    touching = np.zeros(len(body.points), dtype=bool)
+    touching[which] = True
+
+    if body.facing is not None:
+        places = body.vertices
+        for i in which:
+            apart = body.points - body.points[i], places - places[i]  # one ball, one place
+            distance = np.linalg.norm(apart, axis=2).min(axis=0)
+            alike = (body.facing @ body.facing[i] >= SMOOTH_COSINE) | (body.balls > 0)
+            touching |= (distance <= APART * body.extent) & alike | (distance < body.corner)
+
+    return touching
 
 
 def _sinking(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntArray:
@@ -259,7 +283,7 @@ def _sinking(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntAr
 
     # what a contact presses in, points next to it may sink too; and all points between many
     deepest = min(float(lowest[which].min()), 0.0)
-    has_contact = body.touching_as(which.tolist()) | (len(which) >= MOST_POINTS)
+    has_contact = _sharing_contact(body, which.tolist()) | (len(which) >= MOST_POINTS)
     lowest = lowest - np.where(has_contact, deepest, 0.0)
     lowest[which] = np.inf
     i = int(np.argmin(lowest))

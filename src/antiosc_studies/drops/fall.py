@@ -606,6 +606,17 @@ class Fall(Result):
             )
 
 
+def initial_state(
+    body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array
+) -> State:
+    """The initial state, whose lowest point is at the height of the setting."""
+    low = float((body.points @ R[2] - body.balls).min())
+    zero = np.zeros(body.omega.size)
+    centre = np.array([0.0, 0.0, setting.height - low])
+    momentum = R @ (body.tensor @ (R.T @ spin))
+    return State(0.0, centre, velocity, R, momentum, zero, zero)
+
+
 def fall_of(
     body: FreeBody,
     start: State,

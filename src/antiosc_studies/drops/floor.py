@@ -15,9 +15,9 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
 from antiosc.engine.contact.choice import Choice, choose
-from antiosc.engine.contact.curvature import Curvature
-from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, matter_of
-from antiosc_studies.drops.crushed import crushed, cut_growth, tip
+from antiosc.engine.contact.curvature import CURVED
+from antiosc.engine.contact.surfaces import RIGID, Surface, matter_of
+from antiosc_studies.drops.crushed import law_of_corner
 from antiosc_studies.drops.free_body import FreeBody, State
 
 #: Largest loss factor.
@@ -166,36 +166,42 @@ class Setting:
     tol: float  # relative error of the contact forces
 
 
-def law_of(floor: Floor, surface: Curvature, matter: Matter) -> ContactLaw:
-    """The contact law of a floor with a surface of this curvature and material."""
+def law_of(floor: Floor, surface: Surface) -> ContactLaw:
+    """The contact law of a floor with a surface."""
     if floor.law is not None:
         return floor.law
     if floor.layer is not None:
         # F = pi E sqrt(R1 R2) delta^2/thickness, the elastic foundation (Johnson 1985, 4.3)
-        curvature = sqrt(float(surface.values.prod()))
+        first, second = surface.curvatures
+        curvature = sqrt(first * second)
         if curvature == 0.0:
             raise InputError("a line or a plane on a layer has no law of its own: give a radius.")
         return layer_law(floor.layer, pi * floor.layer.E / (curvature * floor.layer.thickness), 2.0)
 
-    return choice_of(floor, surface, matter).law
+    return choice_of(floor, surface).law
 
 
-def choice_of(floor: Floor, surface: Curvature, matter: Matter) -> Choice:
-    """The choice of law for a surface of this curvature and material on the floor's face."""
-    if matter.rigid and floor.face.matter.rigid:
+def choice_of(floor: Floor, surface: Surface) -> Choice:
+    """The choice of law for a surface on the floor's face."""
+    if surface.matter.rigid and floor.face.matter.rigid:
         raise InputError(
             "a rigid part on a rigid floor has no law of contact: give the floor a material, a "
             "layer or a law."
         )
 
-    low, high = surface.values.tolist()
-    touching = Surface(matter, (low, high), surface.error, surface.kind)
-    return choose(touching, floor.face, floor.restitution)
+    return choose(surface, floor.face, floor.restitution)
+
+
+def surface_at(body: FreeBody, which: int) -> Surface:
+    """The surface of a body at point number `which`."""
+    low, high = np.sort(1 / body.radii[which]).tolist()
+    return Surface(body.materials[which], (low, high), kind=CURVED)
 
 
 def law_at(body: FreeBody, floor: Floor, which: int) -> ContactLaw:
     """The contact law of point number `which` of a body with a floor."""
-    return law_of(floor, body.surface(which), body.materials[which])
+    surface = surface_at(body, which)
+    return law_of(floor, surface)
 
 
 def law_in(body: FreeBody, start: State, floor: Floor, which: int, arm: Array) -> ContactLaw:
@@ -208,18 +214,4 @@ def law_in(body: FreeBody, start: State, floor: Floor, which: int, arm: Array) -
     if edges is None or not isinstance(ball, ElasticPlastic):
         return ball
 
-    work = _work(body, start, arm)
-    up = start.R[2]
-    growth = cut_growth(edges, up)
-    if growth is None:
-        return ball
-
-    return crushed(ball, growth, tip(edges, up, ball.radius), work)
-
-
-def _work(body: FreeBody, start: State, arm: Array) -> float:
-    """Kinetic energy [J] that a force at an arm (3,) of the rigid body can take."""
-    turning = np.cross(arm, [0.0, 0.0, 1.0]) @ start.R
-    inverse_mass = 1 / body.mass + float(turning @ body.inverse @ turning)
-    speed = float((start.velocity + np.cross(start.spin(body), arm))[2])
-    return speed**2 / (2 * inverse_mass)
+    return law_of_corner(ball, edges, body, start, arm)

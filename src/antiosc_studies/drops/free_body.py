@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.surfaces import Matter
-from antiosc_studies.drops.skin import SMOOTH_COSINE, Materials, Skin
+from antiosc_studies.drops.skin import Materials, Skin
 
 if TYPE_CHECKING:
     from antiosc import Structure
 
-#: Points of a solid that are closer together than this share of the extent are one contact.
-APART = 0.04
+#: Of at most so many points the patches of all are computed together: that costs less.
+FEW_POINTS = 16
 
 #: Points by their numbers.
 Which: TypeAlias = "slice | IntArray | Sequence[int]"
@@ -108,33 +107,11 @@ class FreeBody:
         materials = self.materials if self.skin is None else self.skin.materials
         return [m for m in {id(m): m for m in materials}.values() if not m.rigid]
 
-    def surface(self, which: int) -> Curvature:
-        """Curvature at a point."""
-        return Curvature.of_radii(*self.radii[which].tolist())
-
-    def touching_as(self, which: list[int]) -> BoolArray:
-        """(V,) mask of points that share a contact with one of the points `which`.
-
-        Points of a solid share a contact if they are close together and face the same way, as on a
-        round edge, or belong to one ball, or lie on one rounded corner. Two corners of a slender
-        bar are two contacts.
-        """
-        touching = np.zeros(len(self.points), dtype=bool)
-        touching[which] = True
-
-        if self.facing is not None:
-            places = self.vertices
-            for i in which:
-                apart = self.points - self.points[i], places - places[i]  # one ball, one place
-                distance = np.linalg.norm(apart, axis=2).min(axis=0)
-                alike = (self.facing @ self.facing[i] >= SMOOTH_COSINE) | (self.balls > 0)
-                touching |= (distance <= APART * self.extent) & alike | (distance < self.corner)
-
-        return touching
-
     def sites(self, which: IntArray) -> tuple[Array, Array]:
         """Shapes (n, J, 3) and residual compliances (n, 3, 3) of the patches at points (n,)."""
-        new = tuple(i for i in which.tolist() if i not in self._known)
+        count = len(self.points)
+        asked = range(count) if count <= FEW_POINTS else which.tolist()
+        new = tuple(i for i in asked if i not in self._known)
         if new:
             rows = list(new)
             r = np.zeros((len(new), 3, 3))
@@ -147,11 +124,6 @@ class FreeBody:
             np.array(column) for column in zip(*map(self._known.get, which.tolist()), strict=True)
         )
         return phi, r
-
-    def alone(self) -> FreeBody:
-        """A copy for other processes: without the structure, with the patches of all points."""
-        self.sites(np.arange(len(self.points)))
-        return replace(self, structure=None, basis=None, residual=None)
 
 
 @dataclass(frozen=True, eq=False)

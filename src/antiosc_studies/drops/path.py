@@ -172,9 +172,16 @@ def run_converged(
     touch: Touch, which: IntArray, base: Assembly, duration: float, turns: float, tol: float
 ) -> Followed:
     """Repeat the scene `base` on the path of the previous run until the paths no longer change."""
-    history, share = run(base, duration, tol)
+    history: SceneHistory | None = None
+    corrected, share = base, 0.0
     changes: list[float] = []
     while True:
+        if history is None or history.status or len(changes) == 1:
+            history, share = run(corrected, duration, tol)
+        else:
+            scale = float(history.run.force[:, : len(which)].max())
+            history = run_once(corrected, duration, share, history.error, scale)
+
         end, touching = _end(touch, history, turns)
         path = path_of(touch, history, _times(base, history, end, tol))
         corrected, change = on_path(touch, which, base, history, path)
@@ -183,11 +190,6 @@ def run_converged(
         stalls = count == MOST_RUNS or (count >= STALLED_RUNS and change > changes[-3] / 2)
         if change <= CLOSE_CHANGE * tol or stalls:
             return Followed(history, path, change, end, touching)
-        if history.status or len(changes) == 1:
-            history, share = run(corrected, duration, tol)
-        else:
-            scale = float(history.run.force[:, : len(which)].max())
-            history = run_once(corrected, duration, share, history.error, scale)
 
 
 def _times(base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
@@ -10,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.errors import InputError
-from antiosc.engine.contact.surfaces import RIGID, matter_of
+from antiosc.engine.contact.surfaces import RIGID, isotropic
 
 if TYPE_CHECKING:
     from antiosc import Structure
@@ -176,11 +174,11 @@ def _materials(part: MeshedStructure) -> tuple[Materials, Array]:
     label = np.zeros(len(vertices), dtype=int)
     label[index.reshape(numbers.shape)] = part.part_of_cells()[faces.cells][:, None]
 
-    matters = np.full(len(part.parts), RIGID, dtype=object)
+    matters = np.empty(len(part.parts), dtype=object)
     half = np.zeros(len(part.parts))
     for k, (material, _) in enumerate(part.parts):
-        with suppress(InputError):  # of a material with directions
-            matters[k] = matter_of(material)
+        matters[k] = isotropic(material) or RIGID
+
         if part.kind.sheet:
             half[k] = 0.5 * material.section.thickness
 

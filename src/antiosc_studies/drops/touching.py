@@ -22,7 +22,7 @@ from antiosc import (
     SiteModes,
 )
 from antiosc.base._types import Array, IntArray
-from antiosc.engine.equilibrium import set_initial_forces
+from antiosc.engine.equilibrium import continue_contacts
 from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc_studies.drops.floor import Setting, law_in
@@ -110,8 +110,9 @@ def scene_of(
     extension += system.R @ force - system.R[:, :p] @ force[:p]
     extension[p:] += system.R[p:, :p] @ force[:p]
     system.offsets[:, :p] += extension[:p]
-    states = [None if one is None else one.contact for one in ongoing]
-    set_initial_forces(system, cut=(states, force[:p]) if held else None)
+    if held:
+        states = [None if one is None else one.contact for one in ongoing]
+        continue_contacts(system, states, force[:p])
 
     if extension.any():
         system = replace(

@@ -31,17 +31,6 @@ MOST_IMPACTS = 200
 CONTACTS_PER_IMPACT = 3
 
 
-def initial_state(
-    body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array
-) -> State:
-    """The initial state, whose lowest point is at the height of the setting."""
-    low = float((body.points @ R[2] - body.balls).min())
-    zero = np.zeros(body.omega.size)
-    centre = np.array([0.0, 0.0, setting.height - low])
-    momentum = R @ (body.tensor @ (R.T @ spin))
-    return State(0.0, centre, velocity, R, momentum, zero, zero)
-
-
 def trajectory(
     body: FreeBody,
     start: State,

@@ -25,7 +25,7 @@ from antiosc.engine.contact.surfaces import Matter, crack_note
 from antiosc.extension import ContactZone
 from antiosc_studies.drops.crushed import FORCE_ERROR, PRESSURE
 from antiosc_studies.drops.episode import Episode
-from antiosc_studies.drops.floor import Floor, choice_of, law_at
+from antiosc_studies.drops.floor import Floor, choice_of, law_at, surface_at
 from antiosc_studies.drops.free_body import FreeBody
 
 #: Share of the largest force below which the error of a contact does not count.
@@ -60,7 +60,7 @@ class PointContact(NamedTuple):
         """The law that both surfaces need, whatever the floor's is; None: they are unknown."""
         of_faces = Floor(self.floor.material)
         try:
-            return choice_of(of_faces, self.body.surface(self.which), self.matter)
+            return choice_of(of_faces, surface_at(self.body, self.which))
         except InputError:
             return None
 

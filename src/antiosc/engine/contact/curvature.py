@@ -50,12 +50,6 @@ class Curvature(ReprMixin):
         point = self.point + distance * self.normal
         return replace(self, values=values, error=self.error * change, point=point)
 
-    @classmethod
-    def of_radii(cls, *radii: float) -> Curvature:
-        """A surface with two principal radii [m] at the origin."""
-        values = np.sort(1 / np.array(radii))
-        return cls(CURVED, values, 0.0, np.eye(3)[:2], np.zeros(3), np.eye(3)[2])
-
     def placed(self, rotation: Array, translation: Array) -> Curvature:
         """The same surface after a rotation (3, 3) and a translation (3,) [m]."""
         return replace(

@@ -137,10 +137,15 @@ def matter_of(
         matter = Matter(E, 0.3 if nu is None else nu)
     elif isinstance(material, Matter):
         matter = material
-    elif isinstance(material, str):
-        matter = _material_by_name(material)
     else:
-        matter = _matter_of_object(material)
+        own = _by_name(material) if isinstance(material, str) else isotropic(material)
+        if own is None:
+            material_name = getattr(material, "name", "") or checks.shown(material)
+            raise InputError(
+                "material must be the name of a material without directions, or one of "
+                f"E, nu and rho, as a Solid; got {material_name}."
+            )
+        matter = own
 
     constants = {"E": E, "nu": nu}
     overrides: dict[str, Any] = {
@@ -176,22 +181,18 @@ def density_of(material: object) -> float:
 
 
 @lru_cache(maxsize=64)
-def _material_by_name(name: str) -> Matter:
+def _by_name(name: str) -> Matter | None:
     from antiosc.base import materials  # loaded where it is used
 
-    return _matter_of_object(materials.record(name))
+    return isotropic(materials.record(name))
 
 
-def _matter_of_object(material: object) -> Matter:
-    """The constants of a `Solid`, a `Shell`, a `Beam` or a record."""
+def isotropic(material: object) -> Matter | None:
+    """The constants of a `Solid`, a `Shell`, a `Beam` or a record; None if it has directions."""
     E = getattr(material, "E", None)
     nu = getattr(material, "nu", None)
     if not isinstance(E, int | float) or not isinstance(nu, int | float):
-        material_name = getattr(material, "name", "") or checks.shown(material)
-        raise InputError(
-            "material must be the name of a material without directions, or one of "
-            f"E, nu and rho, as a Solid; got {material_name}."
-        )
+        return None
 
     names = ("yield_strength", "yield_range", "rate", "brittle", "loss", "name", "tensile")
     return Matter(E, nu, **{name: getattr(material, name) for name in names})

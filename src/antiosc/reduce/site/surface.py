@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
 from antiosc.engine.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE, SHARP, Curvature
-from antiosc.engine.contact.surfaces import Matter, Surface, matter_of
+from antiosc.engine.contact.surfaces import Matter, Surface, isotropic
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.shell import Laminate
@@ -503,7 +503,4 @@ def _contact_material(material: Any) -> Matter | None:
             return Matter(outer.E2, outer.nu12)
         return Matter(outer.E2, 0.0, critical=CRITICAL_INDENTATION, name="laminate")
 
-    try:
-        return matter_of(material)
-    except InputError:
-        return None
+    return isotropic(material)
