@@ -24,7 +24,6 @@ from antiosc.engine.system import CONTACT, System
 from antiosc.impact import scene_parts
 from antiosc.impact.bodies import SceneBody, scene_body, stacked_first_order
 from antiosc.impact.scene_parts import Contact, SceneParts
-from antiosc.impact.states import modal_loads
 from antiosc.models.stretch import Stretch
 
 DEPTH_TOL = 0.1  # relative error of a depth
@@ -225,13 +224,6 @@ class Assembly:
         """Slice of each body's columns among the columns of all bodies."""
         return self._stacked.columns
 
-    def row(self, contact: int, begin: int) -> Array:
-        """Row of a contact over the columns of the body whose first mode has the number `begin`."""
-        for name, span in self.spans.items():
-            if span.start == begin and span.stop > begin:
-                return self.G[contact, self.columns[name]]
-        raise KeyError(begin)
-
     @property
     def B(self) -> Array:
         """Modal displacements (J, P) of the columns of all bodies."""
@@ -241,10 +233,6 @@ class Assembly:
     def r(self) -> Array:
         """Residual compliance (P, P) of the columns of all bodies [m/N]."""
         return self._stacked.r
-
-    def load(self, t: Array) -> Array:
-        """Modal loads (n, J) at times (n,)."""
-        return modal_loads(self.system, t)
 
     def external_forces(self, t: Array) -> Array:
         """External forces (n, P) on all columns at times (n,)."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.plausible import GRAVITY
-from antiosc.base.texts import FieldsRepr, engineering, percent
+from antiosc.base.texts import FieldsRepr, percent
 from antiosc.extension import OF_ALL_CONTACTS
 from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.free_body import FreeBody, State
@@ -47,13 +47,6 @@ class FallImpact:
     spin_after: Array
     lost: float
     law_error: float | None
-
-    @property
-    def contact_time_note(self) -> str:
-        """Text: which touches the contact time covers, if there are several; "" for one."""
-        if self.touches < 2:
-            return ""
-        return f"{OF_ALL_CONTACTS}; the hardest touch takes {engineering(self.hardest_touch, 's')}"
 
 
 #: Scalars of an impact, and their units.

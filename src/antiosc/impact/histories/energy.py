@@ -14,7 +14,7 @@ from antiosc.engine.contact.base import Compiled, is_compiled
 from antiosc.engine.march import Run
 from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly
-from antiosc.impact.states import blocks, contact_intervals, node_states
+from antiosc.impact.states import blocks, contact_intervals, modal_loads, node_states
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -249,7 +249,7 @@ def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     slopes[::2] = (4 * f1 - 3 * f0 - f2) / h
     slopes[1::2] = (f2 - f0) / h
     curvatures[::2] = curvatures[1::2] = 4 * (f0 - 2 * f1 + f2) / h**2
-    load = a.load(run.time)
+    load = modal_loads(a.system, run.time)
     slope = np.diff(load, axis=0) / np.where(step > 0, step, 1.0) - slopes @ system.beta
     load_curvature = -curvatures @ system.beta
     start = load[:-1] - run.force[:-1] @ system.beta
@@ -275,7 +275,7 @@ def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     force = run.force
     system = a.system
     span = np.diff(time)[:, None]
-    load = a.load(time)
+    load = modal_loads(a.system, time)
     if system.first is not None:
         return np.asarray(np.diff(path_work(load, q), axis=0).sum(axis=1))
     impulse = span * 0.5 * (load[1:] + load[:-1]) - impulses(time, force) @ system.beta

@@ -25,6 +25,7 @@ from antiosc.impact.states import (
     forces,
     free_steps,
     locate,
+    modal_loads,
     node_states,
     states,
 )
@@ -290,7 +291,7 @@ class RunHistory(OneContact):
         columns = q @ a.B + f @ a.r
         kinetic = 0.5 * v**2
         strain = 0.5 * (a.system.omega * q) ** 2
-        load = a.load(time) - force @ a.system.beta
+        load = modal_loads(a.system, time) - force @ a.system.beta
         accelerations = load - a.system.omega**2 * q
         springs: list[list[Array]] = [[] for _ in a.bodies]
 
