@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import os
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,7 +12,10 @@ import pytest
 
 import readers
 from antiosc.io import isolation
-from rank import compile_quickly
+
+# Forms are compiled with little optimisation, here and in all processes of tests: small meshes, and
+# hundreds of forms in a new cache. FFCx holds such libraries apart from those of a user's own runs.
+os.environ.setdefault("CFLAGS", "-O1")
 
 
 @pytest.fixture
@@ -57,11 +59,6 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 def pytest_collection_finish() -> None:
     isolation._run_reader = readers.ask
-    if "dolfinx.jit" in sys.modules:
-        from antiosc.fem import missing
-
-        if missing is None:
-            compile_quickly()
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by marks

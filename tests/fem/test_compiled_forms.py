@@ -77,14 +77,18 @@ def test_a_form_that_another_process_does_not_end_is_refused(place, monkeypatch)
             length()
 
 
-def test_no_configuration_is_read(place):
+def test_no_configuration_is_read_but_the_flags_of_the_environment(place, monkeypatch):
+    monkeypatch.setenv("CFLAGS", "-O1 -DNAME='two words'")
+    options = {
+        "cache_dir": place,
+        "timeout": compiled_forms.PATIENCE,
+        "cffi_extra_compile_args": [*compiled_forms.FLAGS, "-O1", "-DNAME=two words"],
+    }
     readers = [name for name in compiled_forms.READERS if hasattr(dolfinx.jit, name)]
     usual = [getattr(dolfinx.jit, name) for name in readers]
     assert readers
     with compiler():
-        assert [getattr(dolfinx.jit, name)()[0] for name in readers] == [
-            {"cache_dir": place, "timeout": compiled_forms.PATIENCE}
-        ]
+        assert [getattr(dolfinx.jit, name)()[0] for name in readers] == [options]
     assert [getattr(dolfinx.jit, name) for name in readers] == usual
 
 

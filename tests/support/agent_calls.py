@@ -54,7 +54,10 @@ BRACKET = {
     "simulate": {"duration": 1e-3},
 }
 START = "import sys; from antiosc_app.cli import main; sys.exit(main(['mcp', *sys.argv[1:]]))"
-KEPT = ("PATH", "PYTHONPATH", "OMP_NUM_THREADS", "XDG_CACHE_HOME", "OPENBLAS_CORETYPE", "TMPDIR")
+KEPT = (
+    *("PATH", "PYTHONPATH", "OMP_NUM_THREADS", "XDG_CACHE_HOME", "OPENBLAS_CORETYPE", "TMPDIR"),
+    "CFLAGS",
+)
 
 
 def served(

@@ -14,17 +14,6 @@ import traceback
 import warnings
 
 
-def compile_quickly() -> None:
-    """Compile forms with little optimisation: small meshes, and hundreds of forms in a new cache.
-
-    FFCx holds such libraries apart from those of a user's own runs.
-    """
-    for name in ("DOLFINX_DEFAULT_JIT_PARAMETERS", "DOLFINX_DEFAULT_JIT_OPTIONS"):
-        defaults = getattr(sys.modules["dolfinx.jit"], name, {})  # the first is of dolfinx 0.5
-        if defaults:
-            defaults["cffi_extra_compile_args"] = (["-O1", "-g0"], "")
-
-
 def run(script: str, output: str, folder: str, arguments: list[str]) -> None:
     """Run the script as `python` does, and leave nothing of it behind."""
     before, sys.argv, path = sys.argv, [script, *arguments], list(sys.path)
@@ -51,9 +40,7 @@ def main(pipes: str) -> None:
 
     rank = MPI.COMM_WORLD.rank
     with contextlib.suppress(ImportError):
-        for package in ("antiosc.fem", "dolfinx.jit"):
-            importlib.import_module(package)
-        compile_quickly()
+        importlib.import_module("antiosc.fem")
     with (
         open(f"{pipes}/ask.{rank}", opener=at_once) as asked,
         open(f"{pipes}/done", "wb", 0, opener=at_once) as done,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import shlex
 import shutil
 import stat
 import threading
@@ -32,6 +33,8 @@ from antiosc.base.packages import quiet, restored
 
 #: Time that a process waits for another one to compile the same form, s.
 PATIENCE = 600
+#: For the C compiler, before those of the environment; FFCx holds libraries of other flags apart.
+FLAGS = ("-O2", "-g0")
 #: Names of the functions of dolfinx and FFCx that read configuration files.
 READERS = {"_load_options", "_load_parameters"}
 #: FFCx's own options
@@ -42,7 +45,8 @@ SETTINGS = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
 def user_folder() -> Iterator[None]:
     """Context in which dolfinx compiles into, and loads from, the user's folder; or OSError."""
     folder = cache_folder()
-    options = {"cache_dir": folder, "timeout": PATIENCE}
+    flags = [*FLAGS, *shlex.split(os.environ.get("CFLAGS", ""))]
+    options = {"cache_dir": folder, "timeout": PATIENCE, "cffi_extra_compile_args": flags}
 
     with (
         _shared(folder),
