@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import replace
 
@@ -19,12 +20,18 @@ from antiosc.models.motion import Inertia
 ACROSS = np.array([0.0, 1.0, 0.0])
 
 
+@functools.cache
+def _gauss_points() -> tuple[Array, Array]:
+    """Points and weights on [-1, 1] for the moments of any shape here."""
+    return np.polynomial.legendre.leggauss(300)
+
+
 def inertia_of(struck: StruckBeam, solved: Solved, shapes: Array) -> Inertia | None:
     """The inertia of a free beam along x that moves along y; None for a supported one."""
     if not solved.rigid.shape[1]:
         return None
     beam, length = struck.beam, struck.beam.length
-    nodes, rule = np.polynomial.legendre.leggauss(300)
+    nodes, rule = _gauss_points()
     w, theta = solved.motions((nodes + 1) / 2)
     rule = rule / 2
     turning = (rule * nodes / 2) @ w + beam.alpha * (rule @ theta)

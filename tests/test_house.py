@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import inspect
 import re
 from pathlib import Path
@@ -26,9 +27,13 @@ def module(path: Path) -> str:
 
 
 FILES = {module(path): path for path in SRC.rglob("*.py")}
-TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FILES.items()}
 #: Module that gives names of other modules -> name -> module that defines it.
 DOORS = {name: lazily.listed(str(FILES[name])) for name in ("antiosc", "antiosc.extension")}
+
+
+@functools.cache
+def trees() -> dict[str, ast.Module]:
+    return {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FILES.items()}
 
 
 def imports(tree: ast.Module) -> set[str]:
@@ -61,7 +66,7 @@ def circles(arrows: dict[str, set[str]]) -> list[set[str]]:
 @pytest.mark.slow
 def test_files_import_each_other_in_no_circle():
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [{"a", "b", "c"}]
-    found = circles({name: imports(tree) for name, tree in TREES.items()})
+    found = circles({name: imports(tree) for name, tree in trees().items()})
     assert found == []
 
 
@@ -81,7 +86,9 @@ def package(name: str) -> str:
 @pytest.mark.slow
 def test_packages_import_those_below_them():
     assert {package(name) for name in FILES} == PACKAGES.keys()
-    arrows = {(package(name), package(to)) for name, tree in TREES.items() for to in imports(tree)}
+    arrows = {
+        (package(name), package(to)) for name, tree in trees().items() for to in imports(tree)
+    }
     assert arrows == {(a, b) for a, below in PACKAGES.items() for b in {a, *below}}
 
 
@@ -89,7 +96,7 @@ def test_readers_of_decks_need_no_finite_elements():
     """They run in processes of their own, with NumPy alone."""
     meshed = {name for name in FILES if package(name) == "antiosc" and room(name) not in READABLE}
     decks = {name for name in FILES if package(name) == "antiosc_decks"}
-    arrows = {name: imports(TREES[name]) for name in decks}
+    arrows = {name: imports(trees()[name]) for name in decks}
     with_meshes = {"antiosc_decks.from_deck", "antiosc_decks.shared_nodes"}
     assert {name for name, to in arrows.items() if to & meshed} == with_meshes
     readers = decks - with_meshes
@@ -136,7 +143,7 @@ def room(name: str) -> str:
 def test_rooms_of_the_core_import_those_below_them():
     arrows = {
         (room(name), room(to))
-        for name, tree in TREES.items()
+        for name, tree in trees().items()
         for to in imports(tree)
         if package(name) == package(to) == "antiosc"
     }
@@ -150,7 +157,7 @@ def from_other_packages() -> set[tuple[str, str, str]]:
     """(module, module that it imports from, name) of all imports from another package."""
     statements = [
         (name, node)
-        for name, tree in TREES.items()
+        for name, tree in trees().items()
         for node in ast.walk(tree)
         if isinstance(node, ast.Import | ast.ImportFrom)
     ]
@@ -244,12 +251,12 @@ def stale() -> list[str]:
     """Parameters and attributes in docstrings that do not exist."""
     classes = {
         node.name: node
-        for tree in TREES.values()
+        for tree in trees().values()
         for node in ast.walk(tree)
         if isinstance(node, ast.ClassDef)
     }
     found = []
-    for name, tree in TREES.items():
+    for name, tree in trees().items():
         for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef):
                 known, sections = parameters(node), ["Parameters"]
