@@ -318,6 +318,14 @@ def test_permanent_indentation_of_a_laminate_takes_energy(speed):
     assert hit.restitution == pytest.approx(np.sqrt(back), rel=1e-3)
 
 
+def test_tables_are_equal_where_their_curves_are():
+    table, again = (ao.Tabulated([0.0, 1e-4, 2e-4], [0.0, 10.0, 30.0]) for _ in range(2))
+    other = ao.Tabulated([0.0, 1e-4, 2e-4], [0.0, 10.0, 40.0])
+    assert table == again
+    assert hash(table) == hash(again)
+    assert table != other
+
+
 def test_equal_crossed_cylinders_are_a_sphere():
     law = ao.Hertz.from_radii((0.01, np.inf), 2e11, 0.3, (0.01, np.inf), 2e11, 0.3, angle=90)
     ball = ao.Hertz.from_radii(0.01, 2e11, 0.3, np.inf, 2e11, 0.3)

@@ -537,6 +537,12 @@ class Tabulated(Hysteretic):
         if unloading is not None:
             self._check_loss(x)
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Tabulated) and self._parameters == other._parameters
+
+    def __hash__(self) -> int:
+        return hash(tuple(self._parameters))
+
     def without(self, compliance: float) -> Self:
         return self
 
