@@ -417,7 +417,7 @@ def _hidden_stress(
 
 def _remedy(cells: Refinement) -> str:
     """The recommendation of smaller cells, in words."""
-    point, size = cells
+    point, size, *_ = cells
     told = f"cells of {engineering(size, 'm', 2)} ({SMALLER_CELLS})"
     return f"{told} at {point_text(point)} would give one"
 

@@ -26,7 +26,7 @@ from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableErr
 from antiosc.base.texts import percent, piece_is_read
 from antiosc.io import facets
 from antiosc.io.conversion import known_kind, with_supported_kinds
-from antiosc.io.isolation import ELEMENTS_PER_TURN, Request, checked_script
+from antiosc.io.isolation import ELEMENTS_PER_TURN, Refinement, Request, checked_script
 from antiosc.io.neutral import (
     CELL_TYPES,
     CORNERS,
@@ -269,15 +269,13 @@ def mesh_model(gmsh: ModuleType, request: Request, scale: float) -> None:
     around = max(stated, request.around if of_cad or request.around > ELEMENTS_PER_TURN else 0.0)
     request.limit_time(MESHING_TIME_LIMIT)
 
-    fields = [
-        _graded_size_field(gmsh, point, local, request, scale) for point, local in request.refine
-    ]
+    fields = [_graded_size_field(gmsh, place, request, scale) for place in request.refine]
     if request.size is not None:
         _check_size(gmsh, request, dim, scale)
         gmsh.option.setNumber("Mesh.MeshSizeMax", request.size / scale)
         # at the tip of a cone elements by the curvature would have no end
         wanted = request.sizes["sizes"] if request.sizes else []
-        smallest = min([request.size, *(local for _, local in request.refine), *wanted])
+        smallest = min([request.size, *(place[1] for place in request.refine), *wanted])
         gmsh.option.setNumber("Mesh.MeshSizeMin", LEAST_CURVATURE_SIZE * smallest / scale)
     if of_cad:  # short edges of CAD would fill whole faces with small cells
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
@@ -324,13 +322,13 @@ def _measure(gmsh: ModuleType, dim: int, tag: int) -> float:
         return 0.0
 
 
-def _graded_size_field(
-    gmsh: ModuleType, point: Sequence[float], local: float, request: Request, scale: float
-) -> int:
-    """Tag of a size field: `local` [m] at most near `point`, growing to `request.size` around."""
+def _graded_size_field(gmsh: ModuleType, place: Refinement, request: Request, scale: float) -> int:
+    """Tag of a size field: small sizes at a place, growing to `request.size` around."""
+    point, local, *own_growth = place
     x, y, z = (float(c) / scale for c in (*point, 0.0)[:3])
     outer_size = 1e22 if request.size is None else request.size / scale
-    growth, reach = request.grading
+    usual_growth, reach = request.grading
+    growth = own_growth[0] if own_growth else usual_growth
     local = local / scale
 
     tag = gmsh.model.mesh.field.add("MathEval")

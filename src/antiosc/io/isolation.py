@@ -171,7 +171,8 @@ def _printable(value: Any) -> Any:
     return value
 
 
-Refinement = tuple[Sequence[float], float]
+#: A point, the size of the elements there [m], and the growth of sizes around it if it is given.
+Refinement = tuple[Sequence[float], float] | tuple[Sequence[float], float, float]
 #: Growth of the sizes per unit of distance from a refined point, and how many of the smallest size
 #: are between the point and where it begins.
 SIZE_GRADING = (0.35, 2.0)

@@ -283,7 +283,7 @@ def read(
         "piece": piece if by_reader else None,
         "size": None if size is None else float(size),
         "order": order,
-        "refine": [([float(c) for c in point], float(local)) for point, local in refine],
+        "refine": [([float(c) for c in x], *map(float, sizes)) for x, *sizes in refine],
         "sizes": None if sizes is None else vars(sizes),
     }
 

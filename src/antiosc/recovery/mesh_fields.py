@@ -97,11 +97,15 @@ def _at_nodes_of(
     part: MeshedStructure,
     shapes: Array,
     evaluate: Callable[[PointsInCells], Array],
+    factors: Array | None = None,
 ) -> Array:
-    """Components (cells · nodes, 6, columns) of tensors at all nodes of `cells`."""
+    """Components (cells · nodes, 6, columns) of tensors at all nodes of `cells`.
+
+    `factors`: as of `PointsInCells`.
+    """
     X = part.mesh.geometry.reference_nodes
     places = np.repeat(cells, len(X)), np.tile(X, (len(cells), 1))
-    tensors = evaluate(PointsInCells(part, shapes, *places))
+    tensors = evaluate(PointsInCells(part, shapes, *places, factors))
     return np.stack([tensors[:, i, j] for i, j in PAIRS], axis=1)
 
 
@@ -158,17 +162,19 @@ def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> 
     step = max(1, POINTS_AT_ONCE // len(X))
     for first in range(0, cells_of_rank, step):
         cells = np.arange(first, min(cells_of_rank, first + step))
-        at_nodes = []
+        at_points = factors[nodes[cells].ravel()]
+        if is_solid:
+            tensors = _at_nodes_of(cells, part, shapes, evaluates[0], at_points)
+            stresses[cells] = tensors.reshape(-1, len(X), 6)
+            continue
+
+        sides = []
         for evaluate in evaluates:
             columns = _at_nodes_of(cells, part, shapes, evaluate)
-            tensors = np.einsum("pck,pk->pc", columns, factors[nodes[cells].ravel()])
-            at_nodes.append(tensors.reshape(-1, len(X), 6))
-
-        if is_solid:
-            stresses[cells] = at_nodes[0]
-        else:
-            stresses[cells, :, 0] = np.max([equivalent(one) for one in at_nodes], axis=0)
-            normals[cells] = _products_of_normals(part, cells, X)
+            tensors = np.einsum("pck,pk->pc", columns, at_points)
+            sides.append(equivalent(tensors.reshape(-1, len(X), 6)))
+        stresses[cells, :, 0] = np.max(sides, axis=0)
+        normals[cells] = _products_of_normals(part, cells, X)
 
     return stresses, normals
 

@@ -49,14 +49,23 @@ def of_components(six: Array) -> Array:
 class PointsInCells:
     """Points with reference coordinates X (P, tdim) in `cells` (P,) of this rank.
 
-    `shapes` (dofs with ghosts, columns): the motions that are evaluated there.
+    `shapes` (dofs with ghosts, columns): the motions that are evaluated there; with `factors` (P,
+    columns) their sum at each point, one column, for solids alone.
     """
 
-    def __init__(self, part: MeshedStructure, shapes: Array, cells: IntArray, X: Array) -> None:
+    def __init__(
+        self,
+        part: MeshedStructure,
+        shapes: Array,
+        cells: IntArray,
+        X: Array,
+        factors: Array | None = None,
+    ) -> None:
         self.part = part
         self.cells = np.asarray(cells)
         self.X = np.asarray(X)
         self._shapes = shapes
+        self._factors = factors
         self._space = part.form.space
         self._first = next(iter(part.form.components.values()))
         _, self.J = part.mesh.geometry.at(self.cells, self.X)
@@ -75,13 +84,15 @@ class PointsInCells:
     def dofs(self, names: str | tuple[str, ...]) -> Array:
         """Dofs (P, functions, len(names), columns) of components; 0 for those that it lacks."""
         components = self.part.form.components
-        count = self._shapes.shape[1]
+        factors = self._factors
+        count = self._shapes.shape[1] if factors is None else 1
 
         dofs = []
         for name in names:
             if name in components:
                 numbers = compat.cell_dofs(self._space, components[name], self.cells)
-                dofs.append(self._shapes[numbers])
+                of_shapes = self._shapes[numbers]
+                dofs.append(of_shapes if factors is None else of_shapes @ factors[:, :, None])
             else:
                 dofs.append(np.zeros((len(self.cells), self.functions, count)))
 

@@ -229,9 +229,10 @@ def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
     centres = mesh.dolfinx.geometry.x[nodes].mean(axis=1)
 
     sizes = np.full(len(centres), np.inf)
-    for point, local in refine:
+    for point, local, *growth in refine:
         distance = np.linalg.norm(centres - np.pad(point, (0, 3 - len(point))), axis=1)
-        size_there = local + SIZE_GRADING[0] * np.maximum(distance - SIZE_GRADING[1] * local, 0.0)
+        own_growth = growth[0] if growth else SIZE_GRADING[0]
+        size_there = local + own_growth * np.maximum(distance - SIZE_GRADING[1] * local, 0.0)
         sizes = np.minimum(sizes, size_there)
 
     return sizes

@@ -343,9 +343,10 @@ def read_mesh(
         and volumes, straight where they would fold over, and straight lines. 1 drops mid-side
         nodes.
     refine
-        Pairs (point, size): elements of that size around the point, growing away from it. Straight
-        triangles and tetrahedra of a finished mesh are bisected there. A site with a radius needs
-        elements no larger than the radius.
+        Pairs (point, size): elements of that size around the point, growing away from it by 0.35
+        of the distance, or by another growth: (point, size, growth). Straight triangles and
+        tetrahedra of a finished mesh are bisected there. A site with a radius needs elements no
+        larger than the radius.
     groups
         For a dolfinx mesh: name -> (MeshTags, value). Files bring their own: physical groups,
         element sets, node sets with the facets that they span, and tags under their number.
@@ -477,19 +478,21 @@ def default_size(mesh: Mesh, size: float) -> float:
 
 
 def check_refinements(refine: Sequence[Refinement]) -> None:
-    """InputError unless `refine` is a sequence of (point, size)."""
+    """InputError unless `refine` is a sequence of (point, size) or (point, size, growth)."""
     if not isinstance(refine, Sequence) or isinstance(refine, str):
         raise InputError(f"refine must be a list of pairs (point, size); got {shown(refine)}.")
 
     for refinement in refine:
         try:
-            point, local = refinement
+            point, local, *growth = refinement
             shape = (len(point),)
         except (TypeError, ValueError) as error:
             pairs = "refine lists pairs (point, size), as [((0, 0, 0.1), 2e-3)]"
             raise InputError(f"{pairs}; got {shown(refinement)}.") from error
         floats("a point of refine", point, shape)
         positive("a size of refine", local, "m")
+        for value in growth:
+            positive("a growth of refine", value)
 
 
 def _check_selection(cells: object) -> None:
