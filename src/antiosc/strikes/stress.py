@@ -182,7 +182,8 @@ def _wanted(fields: dict[str, PeakField], tol: float) -> list[Refinement]:
             wanted.append((cells[0], cells[1], GROWTH))
         if max(bar(field)) > tol or cells is not None:
             wanted += _refinements(field, tol)
-    return wanted[:MOST_PLACES]
+    # the size by the error of a place replaces that by its margin
+    return list({tuple(place[0]): place for place in wanted}.values())[:MOST_PLACES]
 
 
 def _refinements(field: PeakField, tol: float) -> list[Refinement]:
