@@ -91,14 +91,15 @@ def set_initial_forces(system: System, preload: bool = False) -> None:
     """Set the forces of the contacts that are closed at the start."""
     p = len(system.laws)
     R = system.R[:p, :p]
-    states = _states(system.laws, [None] * p)
     if preload:
         system.q[:], force = _resting_state(system)
 
     free = system.beta[:p] @ system.q - system.offsets[0, :p]
+    if not preload and not (free > 0).any():
+        return
+
+    states = _states(system.laws, [None] * p)  # of laws that may touch: one may need a speed
     if not preload:
-        if not (free > 0).any():
-            return
         force = _closing_forces(system.laws, states, free, R, np.zeros(p))
 
     system.pressed[:] = force
@@ -121,10 +122,9 @@ def continue_contacts(
     R = system.R[:p, :p]
     free = system.beta[:p] @ system.q - system.offsets[0, :p]
     rates = _row_rates(system).tolist()
-    states = _states(laws, contacts)
     new = np.zeros(p)
     if (free > 0).any():
-        new = _closing_forces(laws, states, free, R, new)
+        new = _closing_forces(laws, _states(laws, contacts), free, R, new)
 
     goes_on = [contact is not None and contact.closed for contact in contacts]
     system.pressed[:] = np.where(goes_on, np.maximum(forces, 0.0), new)
@@ -136,6 +136,7 @@ def continue_contacts(
     system.depth[:] = np.maximum(system.depth, delta)
     energy = 0.5 * float(system.pressed @ R @ system.pressed)
 
+    states = _states(laws, contacts)
     for c, (law, contact, d) in enumerate(zip(laws, contacts, delta.tolist(), strict=True)):
         state = states[c]
         if contact is not None and contact.closed:
