@@ -541,7 +541,7 @@ class Tabulated(Hysteretic):
         return isinstance(other, Tabulated) and self._parameters == other._parameters
 
     def __hash__(self) -> int:
-        return hash(tuple(self._parameters))
+        return hash(tuple(self._parameters or ()))
 
     def without(self, compliance: float) -> Self:
         return self
