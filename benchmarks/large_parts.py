@@ -105,7 +105,7 @@ def make(part: ao.Structure, kind: str) -> Solver:
         with_entries(part.M)
         return solver_choice.MumpsFactor(with_entries(part.K))
 
-    levels = Levels(lambda: part.matrices.rigid_motions, part.matrices.coarser)
+    levels = Levels(lambda: part.matrices.rigid_motions, part.matrices.prolongation)
     solver = solver_choice.solver_for(part.K, KINDS[kind], levels)
     part._factored, part.seconds["factorization"] = (solver, 0.0), solver.seconds
     return solver

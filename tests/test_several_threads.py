@@ -80,7 +80,7 @@ def test_openmp_is_as_before_after_factors_of_two_threads(monkeypatch):
         "libgomp.so.1": openmp,
         "libopenblas.so.0": SimpleNamespace(openblas_get_parallel=lambda: 1),
     }
-    monkeypatch.setattr(cholmod, "_loaded", there.get)
+    monkeypatch.setattr(cholmod, "_loaded_library", there.get)
     overlapping(cholmod.without_openmp(), cholmod.without_openmp())
     assert levels[-1] == 3
 

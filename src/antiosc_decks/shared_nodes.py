@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.extension import projected
-from antiosc.fem.assembly.joint import Constraints, ElasticTerm, Joint, Rows, following
+from antiosc.fem.assembly.joint import Constraints, ElasticTerm, Joint, Rows, following_rows
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import Member
@@ -507,7 +507,7 @@ def _tied(
     for exact in (0.0, 1.0):
         X = np.where(np.abs(X - exact) < 1e-12, exact, X)
     motions = layout.at_points(leader, cells, X, names)
-    return following(layout, follower, nodes, [(names, motions)], "shared nodes")
+    return following_rows(layout, follower, nodes, [(names, motions)], "shared nodes")
 
 
 @dataclass(frozen=True, eq=False)

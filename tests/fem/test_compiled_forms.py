@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.fem.platform import compat, compiled_forms
-from antiosc.fem.platform.compiled_forms import compiler
+from antiosc.fem.platform.compiled_forms import quiet_compiler
 from paths import ROOT
 
 
@@ -54,7 +54,7 @@ def test_what_one_mesh_has_compiled_serves_the_next(place):
 @pytest.mark.slow
 @pytest.mark.parametrize("lost", ["*forms*.cached", "*forms*.c"])
 def test_what_an_ended_process_left_is_compiled_again(place, monkeypatch, lost):
-    monkeypatch.setattr(compiled_forms, "PATIENCE", 1)
+    monkeypatch.setattr(compiled_forms, "COMPILE_WAIT", 1)
     assert length() == pytest.approx(2.0)
     made = library(place)
     kept = {path for path in place.glob("*.so") if "elements" in path.name}
@@ -68,7 +68,7 @@ def test_what_an_ended_process_left_is_compiled_again(place, monkeypatch, lost):
 
 @pytest.mark.slow
 def test_a_form_that_another_process_does_not_end_is_refused(place, monkeypatch):
-    monkeypatch.setattr(compiled_forms, "PATIENCE", 1)
+    monkeypatch.setattr(compiled_forms, "COMPILE_WAIT", 1)
     assert length() == pytest.approx(2.0)
     next(place.glob("*forms*.cached")).unlink()
     with (place / "lock").open() as other:
@@ -81,13 +81,13 @@ def test_no_configuration_is_read_but_the_flags_of_the_environment(place, monkey
     monkeypatch.setenv("CFLAGS", "-O1 -DNAME='two words'")
     options = {
         "cache_dir": place,
-        "timeout": compiled_forms.PATIENCE,
+        "timeout": compiled_forms.COMPILE_WAIT,
         "cffi_extra_compile_args": [*compiled_forms.FLAGS, "-O1", "-DNAME=two words"],
     }
-    readers = [name for name in compiled_forms.READERS if hasattr(dolfinx.jit, name)]
+    readers = [name for name in compiled_forms.CONFIG_READERS if hasattr(dolfinx.jit, name)]
     usual = [getattr(dolfinx.jit, name) for name in readers]
     assert readers
-    with compiler():
+    with quiet_compiler():
         assert [getattr(dolfinx.jit, name)()[0] for name in readers] == [options]
     assert [getattr(dolfinx.jit, name) for name in readers] == usual
 

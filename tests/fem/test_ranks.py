@@ -102,7 +102,7 @@ for name, (mesh, material, point, direction, radius, group) in cases.items():
     loaded = ao.Structure(mesh, material, [ao.Support(start)], attached=[
         ao.PointMass(point, 0.5), ao.Spring(point, {"x": 1e5, "y": 1e5})])
     here["attached"] = [loaded.mass, ao.extract(loaded, site, n=2).k0]
-    own = compat.cell_map(mesh.dolfinx).size_local
+    own = compat.cell_index_map(mesh.dolfinx).size_local
     here["cells"] = mesh.comm.allgather(int(own))
 print(json.dumps(found))
 """
@@ -190,7 +190,7 @@ found = {}
 for name, (mesh, material, supports, site) in cases.items():
     structure = ao.Structure(mesh, material, supports)
     model = ao.extract(structure, site, n=8, method="modes")
-    own = compat.cell_map(mesh.dolfinx).size_local
+    own = compat.cell_index_map(mesh.dolfinx).size_local
     found[name] = {
         "spread": bool(mesh.comm.allreduce(int(own > 0)) == mesh.comm.size),
         "dofs": structure.dofs, "mass": structure.mass, "k0": model.k0, "m0": model.m0,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from antiosc.fem.elements import stacked
+from antiosc.fem.elements import section_of_layers
 from plates import SupportedLaminate
 
 
 def navier(layers, S=None):
-    section = stacked(layers)
+    section = section_of_layers(layers)
     inertia = (section.I0, section.I1, section.I2)
     S = section.S if S is None else S
     return SupportedLaminate(section.A, section.B, section.D, S, inertia, 1.0, 1.0)

@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.platform.compiled_forms import compiler
+from antiosc.fem.platform.compiled_forms import quiet_compiler
 from antiosc.reduce.site import functional
 
 Array = NDArray[np.float64]
@@ -259,7 +259,7 @@ def moments(mesh: ao.Mesh) -> np.ndarray:
     weights = compat.constant(domain, np.zeros(len(EXPONENTS)))
     monomials = [np.prod([x[a] ** p for a, p in enumerate(e[: mesh.gdim])]) for e in EXPONENTS]
     dx = ufl.Measure("dx", domain=domain, metadata={"quadrature_degree": 7})
-    with compiler():
+    with quiet_compiler():
         form = dolfinx.fem.form(sum(w * m for w, m in zip(weights, monomials, strict=True)) * dx)
     result = []
     for row in np.eye(len(EXPONENTS)):

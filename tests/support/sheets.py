@@ -174,7 +174,7 @@ def flipped(mesh, some):
 
 def grouped(mesh, edges=None, points=None):
     """The mesh with its cells as "sheet", and edges and vertices there as "rib" and "feet"."""
-    cells = compat.cell_map(mesh.dolfinx)
+    cells = compat.cell_index_map(mesh.dolfinx)
     groups = {"sheet": {2: np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)}}
     for name, dim, where in (("rib", 1, edges), ("feet", 0, points)):
         if where is not None:

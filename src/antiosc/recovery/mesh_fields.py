@@ -19,8 +19,8 @@ from antiosc.base.errors import InputError, name_list
 from antiosc.base.stresses import PAIRS, equivalent, length, tensors_of
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.weak_form import Material
-from antiosc.fem.mesh.surface import kind_of_cells, measures
-from antiosc.fem.platform import agreed, compat
+from antiosc.fem.mesh.surface import kind_of_cells, volume_and_surface
+from antiosc.fem.platform import compat, done_on_all
 from antiosc.fem.prestress.state import initial_strain
 from antiosc.fem.structure.meshed import Member, MeshedStructure, beams_alone
 from antiosc.fem.structure.place import places_at
@@ -55,7 +55,7 @@ def tensors_of_part(
     mesh = part.mesh
     shapes = compat.with_ghosts(part.form.space, shapes)
     evaluate = evaluator(part, quantity, place)
-    material = part.part_of_cells()[: compat.cell_map(mesh.dolfinx).size_local]
+    material = part.part_of_cells()[: compat.cell_index_map(mesh.dolfinx).size_local]
     selected = np.flatnonzero(np.isin(material, materials))
     nodes = compat.geometry_nodes(mesh.dolfinx)[selected]
     material = material[selected]
@@ -85,7 +85,7 @@ def tensors_of_part(
             total[:] += (at_slots @ components.reshape(len(slot_rows), -1)).reshape(total.shape)
             count[:] += np.bincount(slot_rows, minlength=len(slots))
 
-    agreed(mesh.comm, work)  # an error may be that of one rank
+    done_on_all(mesh.comm, work)  # an error may be that of one rank
     if solid:
         _join_ranks(part, slots, total, count)
 
@@ -118,7 +118,7 @@ def stress_errors_of_part(part: MeshedStructure, shapes: Array, factors: Array) 
     at a fold, takes the largest error at the other nodes of its cells.
     """
     mesh = part.mesh
-    cells_of_rank = compat.cell_map(mesh.dolfinx).size_local
+    cells_of_rank = compat.cell_index_map(mesh.dolfinx).size_local
     nodes = compat.geometry_nodes(mesh.dolfinx)[:cells_of_rank]
     material = part.part_of_cells()[:cells_of_rank]
     stresses, normals = _stresses_of_cells(part, shapes, factors)
@@ -153,7 +153,7 @@ def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> 
     is_solid = part.kind.name == "solid"
     places = [Place()] if is_solid else [Place("top"), Place("bottom")]
     evaluates = [evaluator(part, "stress", at) for at in places]
-    cells_of_rank = compat.cell_map(part.mesh.dolfinx).size_local
+    cells_of_rank = compat.cell_index_map(part.mesh.dolfinx).size_local
     nodes = compat.geometry_nodes(part.mesh.dolfinx)[:cells_of_rank]
     X = part.mesh.geometry.reference_nodes
     stresses = np.zeros((cells_of_rank, len(X), 6 if is_solid else 1))
@@ -262,7 +262,7 @@ def recovered(
     here = closest.rank == mesh.comm.rank
     cells, X = closest.cell[here], closest.X[here]
     points_here = PointsInCells(member.part, with_ghosts, cells, X)
-    values_here = agreed(mesh.comm, lambda: evaluate(points_here))
+    values_here = done_on_all(mesh.comm, lambda: evaluate(points_here))
 
     values = np.zeros((len(points), *values_here.shape[1:]))
     values[here] = values_here
@@ -463,7 +463,7 @@ def _gathered(member: Member, shapes: Array) -> tuple[Array, IntArray, Array]:
     R = member.at.rotation
     if (np.eye(3) != R).any():
         shapes = np.einsum("cd,ndk->nck", R, shapes)
-    cells_of_rank = compat.cell_map(mesh.dolfinx).size_local
+    cells_of_rank = compat.cell_index_map(mesh.dolfinx).size_local
     cells = compat.geometry_nodes(mesh.dolfinx)[:cells_of_rank]
     points = member.at.placed(mesh.dolfinx.geometry.x)
     pieces = mesh.comm.gather((points, cells, shapes), root=0)
@@ -521,5 +521,5 @@ def half_thickness(structure: Structure, part: str | None = None) -> float:
     """Volume over surface [m] of the solids: half the mean thickness of their walls."""
     meshes = [member.part.mesh for member in with_parts(structure).members(part)]
     solids = [mesh for mesh in meshes if mesh.tdim == 3]
-    volume, surface = np.sum([(0.0, 0.0), *map(measures, solids)], axis=0)
+    volume, surface = np.sum([(0.0, 0.0), *map(volume_and_surface, solids)], axis=0)
     return float(volume / surface) if surface else 0.0

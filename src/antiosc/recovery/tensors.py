@@ -23,7 +23,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import PAIRS, tensors_of
 from antiosc.fem.elements import Layer, shear_stresses
-from antiosc.fem.elements.beam import Beam, heights
+from antiosc.fem.elements.beam import Beam, height_directions
 from antiosc.fem.elements.shell import GivenSheet, Laminate, Sheet
 from antiosc.fem.elements.weak_form import Material
 from antiosc.fem.platform import compat
@@ -319,7 +319,7 @@ def _section_strains_at(at: PointsInCells, frame: BeamFrame) -> Array:
         return np.einsum("pck,pc->pk", vectors, axis)
 
     stretch = -offset * component(curvature, frame.z)
-    sideways = offset * component(curvature, frame.t) if at.part.form.twist_shifts else 0.0
+    sideways = offset * component(curvature, frame.t) if at.part.form.twist_moves_centroid else 0.0
 
     # −(θ × t)·y = −θ·z, −(θ × t)·z = θ·y
     forces = [
@@ -343,7 +343,7 @@ def _beam_axes(at: PointsInCells) -> BeamFrame:
     for k, (beam, _) in enumerate(at.part.parts):
         of_part = number == k
         if of_part.any():
-            height[of_part] = heights(beam, t[of_part], middle[of_part])
+            height[of_part] = height_directions(beam, t[of_part], middle[of_part])
 
     y = height - np.einsum("pc,pc->p", height, t)[:, None] * t
     y /= np.linalg.norm(y, axis=1)[:, None]

@@ -35,7 +35,7 @@ from antiosc.base.texts import engineering, percent, point_text as placed
 from antiosc.engine.contact import ContactLaw, ElasticPlastic
 from antiosc.engine.contact.curvature import SHARP
 from antiosc.fem.assembly import with_parts
-from antiosc.fem.platform import agree, collective, on_root
+from antiosc.fem.platform import collective, on_root, raise_on_all
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.impact.batch import simulate_many
 from antiosc.impact.bodies import Obstacle
@@ -373,7 +373,7 @@ def _struck(
     except Exception as caught:
         error = caught
 
-    agree(comm, error)
+    raise_on_all(comm, error)
     parts = [p for p in comm.allgather(part) if p is not None]
     for message in messages:
         warn(message, AccuracyWarning)

@@ -514,7 +514,7 @@ def _next_mesh(
 def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
     """Errors of the cells of this rank, weighted by the shapes' amplitudes during the contact."""
     if mesh.tdim == 1:  # all lines are divided alike
-        return np.ones(compat.cell_map(mesh.dolfinx).size_local)
+        return np.ones(compat.cell_index_map(mesh.dolfinx).size_local)
     values, vectors = np.linalg.eigh(amplitudes(answer.raw))
     significant = values > NEGLIGIBLE * values[-1]
     weights = vectors[:, significant] * np.sqrt(values[significant])

@@ -27,9 +27,9 @@ from antiosc.base.errors import InputError, RangeError, warn, without_warnings
 from antiosc.base.progress import doing
 from antiosc.base.texts import Result, engineering, percent, plain
 from antiosc.fem.elements.weak_form import measure
-from antiosc.fem.linalg.petsc_algebra import by_cells
+from antiosc.fem.linalg.petsc_algebra import uses_cells
 from antiosc.fem.linalg.solver import cost_of_factor
-from antiosc.fem.linalg.solver_choice import stored
+from antiosc.fem.linalg.solver_choice import stored_entries
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import collective, compat
 from antiosc.fem.structure.structure import Structure
@@ -474,7 +474,7 @@ def _member_with_n(
 
 def _matrix_bytes(structure: Structure) -> float:
     """Number of bytes that K and M take."""
-    return 0.0 if by_cells(structure.K) else MATRIX_BYTES * stored(structure.K)
+    return 0.0 if uses_cells(structure.K) else MATRIX_BYTES * stored_entries(structure.K)
 
 
 def _proved(hit: History) -> float:

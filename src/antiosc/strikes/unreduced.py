@@ -20,7 +20,7 @@ from antiosc.base.texts import plain
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.stepping import Contacts, Ends
 from antiosc.fem.linalg.algebra import dot, multiply, sum_of
-from antiosc.fem.linalg.solver import FACTOR_BYTES, Factorization, seconds_of_steps
+from antiosc.fem.linalg.solver import FACTOR_ENTRY_BYTES, Factorization, seconds_of_steps
 from antiosc.fem.linalg.solver_choice import factorize, forecast_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
@@ -137,13 +137,13 @@ def newmark(blow: Blow) -> Outcome:
     structure = blow.structure
     start_time = clock() - structure.seconds["assembly"]
     process.require(
-        FACTOR_BYTES * entries_of(structure), "a factor of K + 4 M/h²", "take a longer step"
+        FACTOR_ENTRY_BYTES * entries_of(structure), "a factor of K + 4 M/h²", "take a longer step"
     )
     h = blow.step
     A = factorize(sum_of(structure.K, 4 / h**2, structure.M))
     curve = _integrated(blow, A)
 
-    return Outcome(curve, clock() - start_time, FACTOR_BYTES * A.entries)
+    return Outcome(curve, clock() - start_time, FACTOR_ENTRY_BYTES * A.entries)
 
 
 def _integrated(blow: Blow, A: Factorization) -> Curve:

@@ -157,14 +157,14 @@ def design_map(
     by_cell = [float(values_of(material).get(by, np.nan)) for material, _ in meshed.parts]
     if not np.isfinite(by_cell).any():
         raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
-    relative = np.zeros(compat.cell_map(meshed.mesh.dolfinx).size_local)
+    relative = np.zeros(compat.cell_index_map(meshed.mesh.dolfinx).size_local)
     changes = _derivative_forms(part, meshed, by)
     size = np.sqrt(np.append(model.m_st, model.m))  # so that all shapes count alike
     for change, matrix in zip(changes, by_matrices(model, by_model), strict=True):
         if change:
             shares, axes = np.linalg.eigh(size[:, None] * matrix * size)
             vectors = model.shapes @ (axes / size[:, None])
-            relative += compat.quadratic(change, meshed.form.space, vectors, shares, DEGREE)
+            relative += compat.cell_energies(change, meshed.form.space, vectors, shares, DEGREE)
 
     value = np.array(by_cell)[meshed.part_of_cells()[: relative.size]]
     per_mass = np.where(np.isfinite(value), relative / _masses(meshed), np.nan)
@@ -199,7 +199,7 @@ def _derivative_forms(
 
 def _masses(meshed: MeshedStructure) -> Array:
     """Mass [kg] of each cell of this rank."""
-    cell = compat.cellwise(meshed.mesh.dolfinx)
+    cell = compat.cellwise_function(meshed.mesh.dolfinx)
     q = ufl.TestFunction(cell.function_space)
     return compat.assemble_functional(
         meshed.form.density * q * measure(meshed.mesh, 5), cell.function_space

@@ -7,12 +7,12 @@ import pytest
 
 import antiosc as ao
 import every_joint
-from antiosc.fem.assembly.joint import motion
+from antiosc.fem.assembly.joint import motion_of_end
 from antiosc.fem.assembly.layout import Layout, checked_parts, checked_places, checked_points
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 from antiosc.fem.structure import Placement, skew
-from antiosc.fem.structure.loads import UNIT
+from antiosc.fem.structure.loads import UNIT_MOTIONS
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
 from refusals import refused
 from sheets import sheet
@@ -23,7 +23,7 @@ FRAME = every_joint.FRAME
 
 def whole(mesh: Mesh) -> Mesh:
     """The mesh with a group of all cells, and of two points."""
-    count = compat.cell_map(mesh.dolfinx).size_local
+    count = compat.cell_index_map(mesh.dolfinx).size_local
     cells = {mesh.tdim: np.arange(count, dtype=np.int32)}
     groups = {**mesh.groups, "all": cells, "two": {0: np.array([0, 1], dtype=np.int32)}}
     return Mesh(mesh.dolfinx, groups, mesh.name)
@@ -72,7 +72,7 @@ ENDS = {
 @pytest.mark.parametrize("name", list(ENDS))
 def test_an_end_sees_rigid_motions(layout, name):
     end, place, has = ENDS[name]
-    found = motion(layout, end)
+    found = motion_of_end(layout, end)
     if place is not None:
         np.testing.assert_allclose(found.point, place, atol=1e-12)
     about = np.array([0.2, -0.7, 0.3])
@@ -89,7 +89,7 @@ def test_an_end_sees_rigid_motions(layout, name):
             np.testing.assert_allclose(moved.displacements @ rigid, exact, atol=1e-11)
         turned = np.hstack([np.zeros((3, 3)), P])
         np.testing.assert_allclose(moved.rotations @ rigid, turned, atol=1e-11)
-    assert [found.has(UNIT[c]) for c in ("x", "ry")] == [True, has == "all"]
+    assert [found.has(UNIT_MOTIONS[c]) for c in ("x", "ry")] == [True, has == "all"]
 
 
 @pytest.mark.slow
@@ -148,9 +148,9 @@ def test_an_end_with_a_radius_is_the_mean_over_a_disc(layout):
     radius, field = 0.4, np.zeros(layout.count)
     x = member.nodes - [0.5, 1.0, 3.0]
     field[layout.dofs(member, np.arange(len(x)), "z")] = x[:, 0] ** 2 + x[:, 1] ** 2
-    found = motion(layout, ("cut", (0.5, 1.0, 3.0), radius))
+    found = motion_of_end(layout, ("cut", (0.5, 1.0, 3.0), radius))
     assert (found.displacements @ field)[2] == pytest.approx(radius**2 / 2, rel=0.1)
     with refused(None, "refine", ao.InputError):
-        motion(layout, ("cut", (0.5, 1.0, 3.0), 0.01))
+        motion_of_end(layout, ("cut", (0.5, 1.0, 3.0), 0.01))
     with refused(None, "radius", ao.InputError):
         ao.Weld(("cut", (0.5, 1.0, 3.0), -1.0), "hub")

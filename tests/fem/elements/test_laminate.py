@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 
 import antiosc as ao
-from antiosc.fem.elements import stacked
+from antiosc.fem.elements import section_of_layers
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh
@@ -113,7 +113,7 @@ def test_a_sandwich_shears_as_its_core():
     """Thin stiff faces: Gc d²/c, d between the middles of the faces (Allen 1969)."""
     face = ao.Layer.isotropic(70e9, 0.3, 2700.0, 0.2e-3)
     core = ao.Layer.isotropic(50e6, 0.3, 60.0, 20e-3)
-    S = stacked([face, core, face]).S
+    S = section_of_layers([face, core, face]).S
     assert S[0, 0] == pytest.approx(core.G12 * 20.2e-3**2 / 20e-3, rel=3e-4)
     assert S[1, 1] == pytest.approx(S[0, 0], rel=1e-12)
     assert abs(S[0, 1]) < 1e-12 * S[0, 0]
@@ -122,7 +122,7 @@ def test_a_sandwich_shears_as_its_core():
 @pytest.mark.parametrize("angle", [0, 30, 90, -45])
 def test_a_homogeneous_section_has_five_sixths_of_its_shear_stiffness(angle):
     layers = stack([angle] * 5, 4e-3)
-    section = stacked(layers)
+    section = section_of_layers(layers)
     assert pytest.approx(5 / 6 * uniform(layers), rel=1e-12, abs=1e-6) == section.S
     Q = layers[0].plane_stress()
     assert pytest.approx(Q * 4e-3, rel=1e-12, abs=1e-3) == section.A
@@ -196,7 +196,7 @@ def test_a_cantilever_strip_bends_and_stretches_as_a_beam(cell):
     close = {"triangle": 2e-5, "quadrilateral": 2e-4}[cell]
     length, width = 1.0, 0.02  # narrow: what the corners' forces do beside them fades as width²
     mesh = rectangle((10, 1), length, width, cell)
-    section = stacked(two_layers())
+    section = section_of_layers(two_layers())
     part = ao.Structure(mesh, ao.Laminate(two_layers()), [ao.Support(at(0, 0.0))])
     y = loaded(part, {dof(part, (length, v, 0), "z"): 0.5 for v in (0, width)})
     A, B, D = section.A[0, 0], section.B[0, 0], section.D[0, 0]
@@ -235,7 +235,7 @@ def test_a_free_unsymmetric_laminate_is_struck(cell):
         d = points - x
         return {"x": d[:, 2], "z": -d[:, 0], "ry": 1.0}
 
-    section = stacked(layers)
+    section = section_of_layers(layers)
     normal = np.cross(slope, [0, 1, 0])
     moving = interpolated(part, turn)
     shift = np.array([part.uniform_inertia(e) @ moving for e in np.eye(3)])

@@ -13,7 +13,7 @@ import antiosc as ao
 import parts
 from antiosc.fem.elements import tetrahedra
 from antiosc.fem.elements.tetrahedra import Tetrahedra
-from antiosc.fem.linalg.iterative import coarse_of
+from antiosc.fem.linalg.iterative import coarse_matrix
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS_KEY,
     csr,
@@ -32,7 +32,7 @@ HELD = [
 
 @pytest.fixture(autouse=True)
 def of_small_parts(monkeypatch):
-    monkeypatch.setattr(tetrahedra, "FEWEST_DOFS", 0)
+    monkeypatch.setattr(tetrahedra, "LEAST_CELLWISE_DOFS", 0)
 
 
 def skewed(order: int = 1) -> ao.Mesh:
@@ -95,7 +95,7 @@ CARRIED = [
 @pytest.mark.parametrize("order", [1, 2], ids=["straight", "curved"])
 def test_what_the_solver_takes_from_the_cells_is_that_of_the_entries(order, attached):
     part = ao.Structure(skewed(order), {"soft": RUBBER, "hard": STEEL}, HELD, attached=attached)
-    P = part.matrices.coarser()
+    P = part.matrices.prolongation()
     x = np.random.default_rng(0).standard_normal(part.rows)
     for matrix in (part.K, part.M, sum_of(part.K, 3e9, part.M)):
         diagonal = matrix.getDiagonal().array  # of the cells: there are no entries yet
@@ -110,7 +110,7 @@ def test_what_the_solver_takes_from_the_cells_is_that_of_the_entries(order, atta
         rows = np.arange(part.rows)[:, None]
         exact = whole.toarray()[rows, rows // 3 * 3 + np.arange(3)]
         np.testing.assert_allclose(blocks, exact, rtol=0, atol=1e-12 * most)
-        one, other = (csr(coarse_of(a, P)) for a in (matrix, entries))
+        one, other = (csr(coarse_matrix(a, P)) for a in (matrix, entries))
         near = 1e-12 if order == 1 else 1e-2  # linear elements have fewer points on curved cells
         assert abs(one - other).max() <= near * abs(other).max()
 
@@ -118,11 +118,11 @@ def test_what_the_solver_takes_from_the_cells_is_that_of_the_entries(order, atta
 OVER_RANKS = """
 from antiosc.fem.elements import tetrahedra
 from antiosc.fem.elements.tetrahedra import Tetrahedra
-from antiosc.fem.linalg.iterative import coarse_of
+from antiosc.fem.linalg.iterative import coarse_matrix
 from antiosc.fem.linalg.petsc_algebra import multiply, with_entries
 from mpi4py.MPI import MAX
 
-kept, tetrahedra.FEWEST_DOFS = tetrahedra.FEWEST_DOFS, 0
+kept, tetrahedra.LEAST_CELLWISE_DOFS = tetrahedra.LEAST_CELLWISE_DOFS, 0
 mesh = parts.box((6, 3, 2), cell="tetrahedron")
 part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
 x = np.random.default_rng(part.comm.rank).standard_normal(part.rows)
@@ -136,7 +136,7 @@ for matrix in (part.K, part.M):
     differences.append(abs(multiply(matrix, x) - exact.array_r).max() / size)
     assembled = with_entries(matrix).getDiagonal().array_r
     differences.append(abs(diagonal - assembled).max() / size)
-tetrahedra.FEWEST_DOFS = kept
+tetrahedra.LEAST_CELLWISE_DOFS = kept
 print(json.dumps(differences))
 """
 

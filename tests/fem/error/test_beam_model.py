@@ -73,7 +73,7 @@ def test_bars_of_an_impact_hold(order):
 @pytest.mark.parametrize("order", [1, 2])
 def test_interpolated_rigid_motions_have_no_strain(order):
     part = on_mesh(ao.Structure(frame(*IN_SPACE, 3), BEAM, order=order))
-    fine = part.again(finer(part.mesh))
+    fine = part.reassembled(finer(part.mesh))
     up = interpolation(part, fine)
     K = csr(fine.K)
     assert np.allclose(up @ np.ones(up.shape[1]), 1.0)

@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.fem.mesh.finer import (
-    DIVIDED,
+    DIVIDED_RATIO,
     edge_lengths,
     gathered,
     graded_sizes,
@@ -23,9 +23,9 @@ from antiosc.reduce.error.division import (
     POWER,
     growth,
     longest_line,
-    measures,
     ratios,
     source_of,
+    volume_and_surface,
     wished_sizes,
 )
 from mpi import one_and_several
@@ -66,7 +66,7 @@ def test_divided_cells_keep_part_and_groups(cell):
     mesh = some(cell)
     fine = refined(mesh, np.where(centres(mesh)[:, 0] < 0.12, 0.3, 1.0))
     assert fine.n_cells > 3 * mesh.n_cells
-    assert measures(fine) == pytest.approx(measures(mesh), rel=1e-12)
+    assert volume_and_surface(fine) == pytest.approx(volume_and_surface(mesh), rel=1e-12)
     side = mesh.tdim - 1
     for name, dim in (("left", side), ("right", side), ("half", mesh.tdim)):
         assert content(fine, name, dim) == pytest.approx(content(mesh, name, dim), rel=1e-12)
@@ -145,9 +145,9 @@ def test_cells_around_points_have_the_sizes_of_the_points():
     assert graded_sizes(mesh, points) == pytest.approx(asked(mesh), rel=1e-12)
     fine = source_of(mesh).first(1.0, points)
     assert fine.n_cells > 4 * mesh.n_cells
-    assert (asked(fine) / edge_lengths(fine)).min() >= DIVIDED
+    assert (asked(fine) / edge_lengths(fine)).min() >= DIVIDED_RATIO
     near = np.linalg.norm(corners(fine).mean(axis=1)[:, :2] - (0.1, 0.1), axis=1) < 0.03
-    assert edge_lengths(fine)[near].max() < 0.02 / DIVIDED
+    assert edge_lengths(fine)[near].max() < 0.02 / DIVIDED_RATIO
     far = corners(fine).mean(axis=1)[:, 0] < 0.02
     assert edge_lengths(fine)[far].max() > 0.05
     assert source_of(mesh).first(1.0, []) is mesh

@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.fem.elements.weak_form import restricted
+from antiosc.fem.elements.weak_form import restricted_forms
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.reduce.site import functional
@@ -36,7 +36,7 @@ def two_materials(**root):
     beam = {"nu": 0.3, "rho": 2700.0, "section": SECTION, "orientation": (0, 0, 1)}
     material = {"root": ao.Beam(E=40e9, **beam, **root), "rest": ao.Beam(E=70e9, **beam)}
     part = ao.Structure(own, material, [ao.Support(lambda x: np.isclose(x[0], 0.0))])
-    forms = restricted(part.form.stiffness, part.mesh, part.parts[0][1])
+    forms = restricted_forms(part.form.stiffness, part.mesh, part.parts[0][1])
     share = csr(compat.assemble(forms, part.form.space, part.conditions, 0.0))
     free = free_dofs(part)
     return part, share[free][:, free].toarray()

@@ -14,7 +14,7 @@ import parts
 from antiosc.fem.elements import tetrahedra
 from antiosc.fem.linalg import iterative as cg, solver_choice
 from antiosc.fem.linalg.iterative import TwoLevels
-from antiosc.fem.linalg.solver import TETRAHEDRA, LevelSizes
+from antiosc.fem.linalg.solver import STRAIGHT_PRODUCTS, LevelSizes
 from antiosc.reduce.extraction import site_shapes
 from antiosc.reduce.extraction.krylov import Lanczos
 from antiosc.reduce.extraction.model import stiffness_at_sites
@@ -31,7 +31,7 @@ MASS = ao.PointMass((0.1, 0.05, 0.04), mass=30.0)
 
 @pytest.fixture(autouse=True)
 def products_from_the_cells(monkeypatch):
-    monkeypatch.setattr(tetrahedra, "FEWEST_DOFS", 0)
+    monkeypatch.setattr(tetrahedra, "LEAST_CELLWISE_DOFS", 0)
 
 
 def mixed() -> ao.Mesh:
@@ -123,7 +123,7 @@ def test_models_are_those_of_a_factor(given):
 def test_the_factor_is_forecast_from_the_linear_elements():
     mesh = parts.box((12, 8, 8), cell="tetrahedron")
     part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
-    found = solver_choice.forecast_of(part.K, part.matrices.coarser()).entries
+    found = solver_choice.forecast_of(part.K, part.matrices.prolongation()).entries
     exact = part.factorize().entries
     assert exact / 2 <= found <= 2 * exact
 
@@ -189,11 +189,11 @@ def test_studies_take_the_iterative_solver(study):
 @pytest.fixture
 def factors_are_slow(monkeypatch):
     """A factor takes as long as two levels with thirty iterations, and parts count as large."""
-    monkeypatch.setattr(solver_choice, "LARGE", 1)
+    monkeypatch.setattr(solver_choice, "LEAST_TIMED_DOFS", 1)
     own = solver_choice.seconds_of_factor
 
     def thirty(entries: float, columns: float) -> float:
-        sizes = LevelSizes(80.0 * made("direct").size, TETRAHEDRA, entries)
+        sizes = LevelSizes(80.0 * made("direct").size, STRAIGHT_PRODUCTS, entries)
         return sizes.cost(30.5, 1.0).seconds if columns < 2 else own(entries, columns)
 
     monkeypatch.setattr(solver_choice, "seconds_of_factor", thirty)
@@ -221,12 +221,12 @@ OVER_RANKS = """
 from antiosc.fem.elements import tetrahedra
 from antiosc.fem.linalg import iterative
 
-kept = tetrahedra.FEWEST_DOFS, iterative.MOST_FACTORED, iterative.MOST_OVER_RANKS
-tetrahedra.FEWEST_DOFS = 0
+kept = tetrahedra.LEAST_CELLWISE_DOFS, iterative.MOST_FACTORED_ROWS, iterative.MOST_ROWS_OVER_RANKS
+tetrahedra.LEAST_CELLWISE_DOFS = 0
 site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.032)
 found = []
 for most, held in ((150_000, []), (0, [ao.Support("left")])):
-    iterative.MOST_FACTORED = iterative.MOST_OVER_RANKS = most
+    iterative.MOST_FACTORED_ROWS = iterative.MOST_ROWS_OVER_RANKS = most
     mesh = parts.box((6, 3, 2), cell="tetrahedron")
     part = ao.Structure(mesh, ao.Solid(**parts.STEEL), held, solver="iterative")
     model = ao.extract(part, site, n=8)
@@ -234,7 +234,7 @@ for most, held in ((150_000, []), (0, [ao.Support("left")])):
     steps = part.factorize()._ksp.getIterationNumber() if most else 0
     found.append(["two levels" in model.info["solver"], steps, *np.real(Z)])
 print(json.dumps(found))
-tetrahedra.FEWEST_DOFS, iterative.MOST_FACTORED, iterative.MOST_OVER_RANKS = kept
+tetrahedra.LEAST_CELLWISE_DOFS, iterative.MOST_FACTORED_ROWS, iterative.MOST_ROWS_OVER_RANKS = kept
 """
 
 

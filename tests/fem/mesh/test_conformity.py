@@ -9,14 +9,14 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.fem.mesh import reading
-from antiosc.fem.mesh.reading import SIMPLICES, collapsed, folded, straightened
+from antiosc.fem.mesh.reading import SIMPLEX_EDGES, collapsed_cells, folded_cells, straightened
 from antiosc.fem.mesh.surface import quadrature
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import CELL_KINDS
 from assemblies import box
 from parts import gmsh_session, moments
 
-EVERY_EDGE = [(shape, k) for shape, ends in SIMPLICES.items() for k in range(len(ends))]
+EVERY_EDGE = [(shape, k) for shape, ends in SIMPLEX_EDGES.items() for k in range(len(ends))]
 
 
 @pytest.mark.parametrize("name", ["quad", "hexahedron"])
@@ -25,8 +25,8 @@ def test_two_cells_with_two_sides_in_common_are_found(name):
     lower = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]])
     lower = np.vstack([lower[:3], [[4, 5, 9, 7], [5, 8, 7, 9]]])
     cells = lower if name == "quad" else np.hstack([lower, lower + 10])
-    assert not len(reading.misfits(cells[:3], CELL_KINDS[name])[0])
-    assert reading.misfits(cells, CELL_KINDS[name])[0].tolist() == [3, 4]
+    assert not len(reading.misfit_cells(cells[:3], CELL_KINDS[name])[0])
+    assert reading.misfit_cells(cells, CELL_KINDS[name])[0].tolist() == [3, 4]
 
 
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron", "triangle", "quadrilateral"])
@@ -62,7 +62,7 @@ VERTICES = {
 def curved(shape: str) -> np.ndarray:
     """Nodes of one cell in VTK's order, a little off the midpoints."""
     corners = VERTICES[shape]
-    middles = [(corners[i] + corners[j]) / 2 + 0.01 for i, j in SIMPLICES[shape]]
+    middles = [(corners[i] + corners[j]) / 2 + 0.01 for i, j in SIMPLEX_EDGES[shape]]
     nodes = np.vstack([corners, middles])
     if shape == "triangle":
         nodes[:, 2] = 0.0
@@ -71,7 +71,7 @@ def curved(shape: str) -> np.ndarray:
 
 @pytest.mark.parametrize(("shape", "edge"), EVERY_EDGE)
 def test_one_of_two_cells_is_straightened(shape, edge):
-    ends = SIMPLICES[shape]
+    ends = SIMPLEX_EDGES[shape]
     n, corners = len(curved(shape)), len(VERTICES[shape])
     points = np.vstack([curved(shape), curved(shape) + 5.0])
     i, j = ends[edge]
@@ -80,14 +80,14 @@ def test_one_of_two_cells_is_straightened(shape, edge):
         points = points[:, :2]
     cells = np.arange(2 * n).reshape(2, n)
     order = compat.node_order(shape, n, "vtk")
-    assert folded(points, cells[:, order], shape, 2, 0.02).tolist() == [0]
-    assert not len(collapsed(points, cells[:, order], shape, 2))
+    assert folded_cells(points, cells[:, order], shape, 2, 0.02).tolist() == [0]
+    assert not len(collapsed_cells(points, cells[:, order], shape, 2))
     found = straightened(points, cells, shape)
     np.testing.assert_array_equal(found[n:], points[n:])
     np.testing.assert_array_equal(found[:corners], points[:corners])
     for k, (i, j) in enumerate(ends):
         np.testing.assert_allclose(found[corners + k], (points[i] + points[j]) / 2, atol=1e-15)
-    assert not len(folded(found, cells[:, order], shape, 2, 0.02))
+    assert not len(folded_cells(found, cells[:, order], shape, 2, 0.02))
 
 
 def quarter_disc(path):

@@ -17,10 +17,10 @@ import antiosc as ao
 import parts
 from antiosc.fem.mesh.surface import (
     Faces,
-    centre,
     closest_many,
-    excess,
-    largest,
+    group_centre,
+    largest_entities,
+    outside_distance,
     quadrature,
     size_at,
 )
@@ -130,7 +130,7 @@ def test_two_ranks_hold_the_same_mesh(tmp_path):
         from parts import moments
         block = ao.box_mesh((0.2, 0.1, 0.1), 0.05)
         for mesh in (*map(ao.read_mesh, sys.argv[1:]), block):
-            owned = compat.cell_map(mesh.dolfinx).size_local
+            owned = compat.cell_index_map(mesh.dolfinx).size_local
             sizes = {}
             for name, group in mesh.groups.items():
                 for dim, entities in group.items():
@@ -157,17 +157,19 @@ def test_sides_lie_where_their_names_say(lengths):
     whole = np.zeros(3)
     whole[: len(lengths)] = lengths
     body = {1: "bar", 2: "plate", 3: "block"}[len(lengths)]
-    assert quadrature(mesh, *largest(mesh, body), 2).weight.sum() == pytest.approx(prod(lengths))
+    assert quadrature(mesh, *largest_entities(mesh, body), 2).weight.sum() == pytest.approx(
+        prod(lengths)
+    )
     for axis, length in enumerate(lengths):
         others = prod(each for k, each in enumerate(lengths) if k != axis)
         for sign, at in (("-", 0.0), ("+", length)):
             side, middle = f"{sign}{'xyz'[axis]}", whole / 2
             middle[axis] = at
-            np.testing.assert_allclose(centre(mesh, side), middle, atol=1e-12)
-            area = quadrature(mesh, *largest(mesh, side), 2).weight.sum()
+            np.testing.assert_allclose(group_centre(mesh, side), middle, atol=1e-12)
+            area = quadrature(mesh, *largest_entities(mesh, side), 2).weight.sum()
             assert area == pytest.approx(others)
     if len(lengths) == 2:
-        rim = quadrature(mesh, *largest(mesh, "rim"), 2).weight.sum()
+        rim = quadrature(mesh, *largest_entities(mesh, "rim"), 2).weight.sum()
         assert rim == pytest.approx(2 * sum(lengths))
 
 
@@ -235,7 +237,7 @@ def test_no_point_of_the_cells_is_closer(name):
     np.testing.assert_allclose(back, found.x, atol=1e-7 * size)
     off = np.linalg.norm(found.x - points, axis=1)
     np.testing.assert_allclose(off, found.distance, atol=1e-7 * size)
-    assert excess(found.X, geometry.simplex).max() < 1e-8
+    assert outside_distance(found.X, geometry.simplex).max() < 1e-8
     assert found.distance[: len(on)].max() < 1e-7 * size
     apart = np.linalg.norm(sample[None] - points[:, None], axis=2).min(axis=1)
     assert (found.distance <= apart + 1e-7 * size).all()

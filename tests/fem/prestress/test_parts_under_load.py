@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.fem.elements.second_order import DEGREES, points_of
+from antiosc.fem.elements.second_order import RULE_DEGREES, points_of
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from full_second_order import Full
@@ -150,7 +150,7 @@ def test_a_blow_on_a_sagging_sheet_pulls_it(count):
     own = points.weighted_stress(points.second(u, u)) / 2 * bool(count)
     own = own + points.stress(u)
     whole = (own + points.weighted_stress(points.second(q, u))) / points.weight[:, None]
-    X, _ = compat.quadrature("triangle", DEGREES["triangle"])
+    X, _ = compat.quadrature("triangle", RULE_DEGREES["triangle"])
     mesh = bare.matrices.mesh
     cells = np.repeat(np.arange(mesh.n_cells), len(X))
     x, _ = mesh.geometry.at(cells, np.tile(X, (mesh.n_cells, 1)))

@@ -23,14 +23,14 @@ from antiosc.base.clock import clock
 from antiosc.base.errors import AccuracyError, InputError, warn
 from antiosc.fem.assembly import assembled
 from antiosc.fem.assembly.assembled import (
-    Added,
+    AddedTerms,
     AssembledMatrices,
     RigidDofs,
     as_petsc,
-    modes_of,
-    moving,
-    names_of,
-    reduced,
+    body_names,
+    modes_and_shift,
+    moving_bodies,
+    reduced_matrices,
     stacked,
 )
 from antiosc.fem.assembly.joint import (
@@ -39,7 +39,7 @@ from antiosc.fem.assembly.joint import (
     Joint,
     Rows,
     group_end,
-    motion,
+    motion_of_end,
 )
 from antiosc.fem.assembly.layout import (
     Layout,
@@ -52,7 +52,7 @@ from antiosc.fem.assembly.layout import (
     row_numbers,
 )
 from antiosc.fem.linalg.solver import checked_choice
-from antiosc.fem.mesh.surface import largest as largest_piece
+from antiosc.fem.mesh.surface import largest_entities as largest_piece
 from antiosc.fem.platform import collective
 from antiosc.fem.structure import TURN, Placement, in_space
 from antiosc.fem.structure.attachments import Attachment, ElasticTerm, attachments_of, terms_of
@@ -65,22 +65,22 @@ from antiosc.io.matrices import COMPONENTS, DISPLACEMENTS, ROTATIONS
 from antiosc.models.anti_oscillators import AntiOscillators
 
 #: A row depends on earlier rows if less than this share of it is orthogonal to them.
-DEPENDENT = 1e-9
+DEPENDENT_SHARE = 1e-9
 #: Coefficients below this share of the row's largest are rounding.
 LEAST_COEFFICIENT = 1e-14
 #: A row without a named dof is solved for one with at least this share of its largest coefficient,
 #: so that no step of the elimination makes coefficients more than ten times as large.
-PIVOT = 0.1
+LEAST_PIVOT = 0.1
 #: Largest coefficient of T: half of the 16 digits are then left.
 LARGEST_COEFFICIENT = 1e8
 #: Largest error of C T over the sizes of its terms; rounding leaves about 1e-15.
-SATISFIED = 1e-9
+CONSTRAINT_ERROR = 1e-9
 #: Most rows of a block of coupled rows, which is solved as a dense matrix: 0.3 GB if it is square.
 LARGEST_BLOCK = 6000
 #: Most dofs that one functional may couple: K gets a full block of them, of 0.3 GB.
-MOST_COUPLED = 5000
+MOST_COUPLED_DOFS = 5000
 #: A joint of more rows has one for each node of its group (Tie, Rigid), with few dofs each.
-FEW_ROWS = 24
+MOST_POINT_ROWS = 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,12 +179,12 @@ def _solved(system: _System) -> tuple[Sparse, IntArray, Counter[str]]:
     dependent = [np.zeros(0, dtype=int)]
 
     if len(remaining):
-        solved, pivots, redundant = _blocks(system, remaining)
+        solved, pivots, redundant = _solved_blocks(system, remaining)
         T = _substituted(T, solved, pivots)
         dependent.append(pivots)
 
     for solved_rows, pivots in reversed(rounds):
-        T = _substituted(T, _for_pivots(system.C[solved_rows], pivots), pivots)
+        T = _substituted(T, _solved_for_pivots(system.C[solved_rows], pivots), pivots)
         dependent.append(pivots)
     return T, np.concatenate(dependent), redundant
 
@@ -201,7 +201,7 @@ def _triangular_rounds(system: _System) -> tuple[list[tuple[IntArray, IntArray]]
         row = row_numbers(C)
         size = np.abs(C.data) * system.scale[C.indices]
         preferred = system.pivot[remaining][row]
-        large = size >= PIVOT * row_maxima(size, row, len(remaining))[row]
+        large = size >= LEAST_PIVOT * row_maxima(size, row, len(remaining))[row]
         is_single = np.bincount(C.indices, minlength=C.shape[1])[C.indices] == 1
         fits = np.flatnonzero(is_single & np.where(preferred < 0, large, preferred == C.indices))
         if not len(fits):
@@ -216,7 +216,7 @@ def _triangular_rounds(system: _System) -> tuple[list[tuple[IntArray, IntArray]]
     return rounds, remaining
 
 
-def _for_pivots(C: Sparse, pivots: IntArray) -> Sparse:
+def _solved_for_pivots(C: Sparse, pivots: IntArray) -> Sparse:
     """Rows of C solved for their pivots: functionals of other dofs that equal them."""
     row = row_numbers(C)
     is_pivot = C.indices == pivots[row]
@@ -242,7 +242,7 @@ def _substituted(T: Sparse, solved: Sparse, pivots: IntArray) -> Sparse:
     return result
 
 
-def _blocks(system: _System, remaining: IntArray) -> tuple[Sparse, IntArray, Counter[str]]:
+def _solved_blocks(system: _System, remaining: IntArray) -> tuple[Sparse, IntArray, Counter[str]]:
     """(solved rows, their dofs, number of redundant rows by joint) of rows that share dofs."""
     pattern = abs(system.C[remaining][:, system.scale > 0])
     count, block = scipy.sparse.csgraph.connected_components(pattern @ pattern.T, directed=False)
@@ -253,7 +253,7 @@ def _blocks(system: _System, remaining: IntArray) -> tuple[Sparse, IntArray, Cou
     redundant = Counter[str]()
     for k in range(count):
         rows = remaining[order[ends[k] : ends[k + 1]]]
-        solved, pivot_dofs, dependent = _block(system, rows)
+        solved, pivot_dofs, dependent = _solved_block(system, rows)
         parts.append(solved)
         pivots.append(pivot_dofs)
         if len({system.labels[owner] for owner in system.owner[rows]} - {""}) > 1:
@@ -263,7 +263,7 @@ def _blocks(system: _System, remaining: IntArray) -> tuple[Sparse, IntArray, Cou
     return scipy.sparse.vstack(parts).tocsr(), np.concatenate(pivots), redundant
 
 
-def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, IntArray]:
+def _solved_block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, IntArray]:
     """Solve one block of coupled rows: (solved rows, their dofs, redundant rows)."""
     C = system.C[rows]
     if C.shape[0] > LARGEST_BLOCK:
@@ -280,7 +280,7 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, IntArray]
     size = np.linalg.norm(A, axis=1, keepdims=True)
     A /= size
 
-    independent = _independent(A)
+    independent = _independent_rows(A)
     Q, R, order = scipy.linalg.qr(A[independent], mode="economic", pivoting=True)
     rank = len(independent)
     solved = -scipy.linalg.solve_triangular(R[:, :rank], R[:, rank:])
@@ -306,7 +306,7 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, IntArray]
     return result, columns[pivots], np.delete(rows, independent)
 
 
-def _independent(A: Array) -> IntArray:
+def _independent_rows(A: Array) -> IntArray:
     """Numbers of rows of A that do not depend on earlier ones."""
     R = scipy.linalg.qr(A.T, mode="r")[0]
     basis = np.zeros((R.shape[0], len(A)), order="F")
@@ -316,7 +316,7 @@ def _independent(A: Array) -> IntArray:
         for _ in range(2):  # twice is enough (Kahan)
             column = column - space @ (space.T @ column)
         size = np.linalg.norm(column)
-        if size > DEPENDENT:
+        if size > DEPENDENT_SHARE:
             basis[:, len(independent)] = column / size
             independent.append(k)
 
@@ -332,10 +332,11 @@ def _check_satisfied(system: _System, T: Sparse) -> None:
     size = (abs(system.C) @ abs(T) @ scale).max(axis=1).toarray().ravel()
     error = residual / np.maximum(size, np.finfo(float).tiny)
     worst = int(np.argmax(error))
-    if error[worst] > SATISFIED:
+    if error[worst] > CONSTRAINT_ERROR:
         raise AccuracyError(
             f"the constraints of {system.names(np.array([worst]))} are satisfied only to "
-            f"{error[worst]:.1e} (limit {SATISFIED:.0e}): they are nearly dependent on others."
+            f"{error[worst]:.1e} (limit {CONSTRAINT_ERROR:.0e}): they are nearly dependent on "
+            "others."
         )
 
 
@@ -402,8 +403,8 @@ def assemble(
     layout = Layout(members, checked_places(members, at), checked_points(members, points))
     joined = _joined(layout, joints, supports, attachments_of(attached))
     eliminated = joined.eliminated
-    K, M = reduced(layout, eliminated, joined.added)
-    modes, shift = modes_of(layout, K, M, eliminated, joined.motions, joined.bodies)
+    K, M = reduced_matrices(layout, eliminated, joined.added)
+    modes, shift = modes_and_shift(layout, K, M, eliminated, joined.motions, joined.bodies)
     if modes.shape[1] == np.count_nonzero(~eliminated.dependent):  # a rigid body: K is rounding
         K = as_petsc("K", scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr(), layout)
 
@@ -430,7 +431,7 @@ class _Joined:
 
     constraints: Constraints
     eliminated: Eliminated
-    added: Added
+    added: AddedTerms
     motions: Array  # (n, k) without strain
     bodies: Sequence[RigidDofs]  # before they are joined
 
@@ -445,7 +446,7 @@ def _joined(
     labels = [joint.label(k + 1) for k, joint in enumerate(joints)]
     for joint, label in zip(joints, labels, strict=True):
         joint.prepare(layout, label)
-    fixed = _fixed(layout)
+    fixed = _fixed_mask(layout)
     places = layout.places
     scale = np.where(places.kind == TURN, 1 / layout.size, 1.0)  # of displacements and rotations
     checked_supports = list_of("supports", supports, Support, "Support(where, fix)")
@@ -456,7 +457,7 @@ def _joined(
         elastic += [replace(support, name=label) for support in joint.elastic(layout, label)]
 
     for one in attached:
-        elastic += terms_of(one, layout.plane, partial(_places, layout))
+        elastic += terms_of(one, layout.plane, partial(_point_motions, layout))
     elastic += [superelement(layout, support) for support in layout.condensed.values()]
     for r in rows:
         _check_dense(r.label or "a support", r.matrix)
@@ -473,18 +474,18 @@ def _joined(
 
     if eliminated.dependent.all():
         raise InputError("supports and joints hold every dof of the assembly: nothing moves.")
-    added = Added(elastic, eliminated.T)
+    added = AddedTerms(elastic, eliminated.T)
     stretches = [scipy.sparse.csr_matrix(support.strains) @ support.G for support in elastic]
     C = stacked([*(r.matrix for r in rows), *stretches], layout.count)
     bodies = assembled.unjoined_bodies(layout)
     motions, rigid = assembled.free_motions(layout, bodies, C, fixed, scale)
-    movable = moving(bodies, motions) if motions.size else []
+    movable = moving_bodies(bodies, motions) if motions.size else []
     _check_joined(layout, bodies, movable, rows, elastic)
 
     if mechanisms := motions.shape[1] - rigid:
         warn(
             f"the joints leave parts free to move without strain ({mechanisms} motions, of "
-            f"{names_of(movable)}): join or hold them unless it is intended."
+            f"{body_names(movable)}): join or hold them unless it is intended."
         )
 
     if rigid and (supports or any(len(m.part.fixed) for m in layout.members.values())):
@@ -499,7 +500,7 @@ def _joined(
 # -- the dofs
 
 
-def _fixed(layout: Layout) -> BoolArray:
+def _fixed_mask(layout: Layout) -> BoolArray:
     """Mask of the fixed dofs: of parts, and of reference points out of the plane of plane parts."""
     fixed = np.zeros(layout.count, dtype=bool)
     for member in layout.members.values():
@@ -516,9 +517,10 @@ def _fixed(layout: Layout) -> BoolArray:
 def _check_dense(label: str, functionals: Sparse) -> None:
     """InputError for functionals that would couple too many dofs with one another."""
     count = int(np.diff(functionals.indptr).max(initial=0))
-    if functionals.shape[0] <= FEW_ROWS and count > MOST_COUPLED:
+    if functionals.shape[0] <= MOST_POINT_ROWS and count > MOST_COUPLED_DOFS:
         raise InputError(
-            f"{label} couples {count} dofs of a group with one another, more than {MOST_COUPLED}: "
+            f"{label} couples {count} dofs of a group with one another, more than "
+            f"{MOST_COUPLED_DOFS}: "
             'give a smaller group, or the surface near a point, ("part", point, radius).'
         )
 
@@ -570,9 +572,9 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
     if isinstance(support.where, str) and (
         support.where in layout.points or support.where.split(":", 1)[0] in layout.condensed
     ):
-        point = motion(layout, support.where)
+        point = motion_of_end(layout, support.where)
         if support.fix == "all":
-            return point.six[np.flatnonzero(np.diff(point.six.indptr))]
+            return point.functionals[np.flatnonzero(np.diff(point.functionals.indptr))]
         if absent := point.lacking(names):
             raise InputError(
                 f"the support {support.label} fixes {', '.join(absent)}, which this site does "
@@ -581,7 +583,7 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
         return point.components(names)
 
     rows_of_support = []
-    for member, nodes in _nodes(layout, support):
+    for member, nodes in _supported_nodes(layout, support):
         for kind in (DISPLACEMENTS, ROTATIONS):
             axes = [kind.index(name) for name in names if name in kind]
             motions = layout.at_nodes(member, nodes, kind)
@@ -598,7 +600,7 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
     return result
 
 
-def _nodes(layout: Layout, support: Support) -> list[tuple[Member, IntArray]]:
+def _supported_nodes(layout: Layout, support: Support) -> list[tuple[Member, IntArray]]:
     """[(part, its nodes)] that a support fixes."""
     if isinstance(support.where, str):
         member, group = group_end(layout, "where", support.where)
@@ -619,7 +621,7 @@ def superelement(layout: Layout, part: Superelement) -> ElasticTerm:
     return ElasticTerm(functionals, part.K, part.M, rigid=part.rigid)
 
 
-def _places(layout: Layout, where: str | Sequence[float]) -> list[PointMotion]:
+def _point_motions(layout: Layout, where: str | Sequence[float]) -> list[PointMotion]:
     """Motions of the points at which an attachment acts."""
     if not isinstance(where, str):
         if len(where) < 3 and not layout.plane:
@@ -629,15 +631,15 @@ def _places(layout: Layout, where: str | Sequence[float]) -> list[PointMotion]:
             )
         x = in_space(where)
         (place,) = places_at(layout.members.values(), x[None])
-        return [motion(layout, (place.member.name, tuple(x)))]
+        return [motion_of_end(layout, (place.member.name, tuple(x)))]
 
     part, _, group = where.partition(":")
     if group and part in layout.members:
         member = layout.members[part]
         if group in member.part.mesh.groups and largest_piece(member.part.mesh, group)[0] == 0:
             return [
-                motion(layout, (member.name, tuple(member.nodes[node])))
+                motion_of_end(layout, (member.name, tuple(member.nodes[node])))
                 for node in member.nodes_of(group)
             ]
 
-    return [motion(layout, where)]
+    return [motion_of_end(layout, where)]

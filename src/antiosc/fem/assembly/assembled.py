@@ -23,17 +23,17 @@ from antiosc.base.checks import floats
 from antiosc.base.errors import AccuracyError, InputError
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.joint import Constraints, Eliminated, group_end, motion_without_mesh
-from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded
-from antiosc.fem.linalg.algebra import by_strains, dot, force_ratios, multiply
+from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, without_rounding
+from antiosc.fem.linalg.algebra import dot, force_ratios, multiply, uses_strains
 from antiosc.fem.linalg.petsc_algebra import PRODUCT_KEY, from_csr, with_entries
-from antiosc.fem.mesh.surface import centre
+from antiosc.fem.mesh.surface import group_centre
 from antiosc.fem.structure import (
-    SHIFT,
+    SHIFT_RATIO,
     Dissipation,
     DofPlaces,
     Plausibility,
     in_space,
-    orthonormal,
+    orthonormal_basis,
     support,
 )
 from antiosc.fem.structure.attachments import ElasticTerm
@@ -42,11 +42,11 @@ from antiosc.fem.structure.meshed import Member, MeshedStructure, PartsMatrices
 from antiosc.models.motion import Inertia
 
 #: A motion satisfies the constraints if their residual over the sizes of their terms is below this.
-SATISFIES = 1e-9
+CONSTRAINT_RESIDUAL = 1e-9
 #: Entries of a dense matrix that are processed at once: 80 MB.
 ENTRIES_AT_ONCE = 10_000_000
 #: Components of a motion below this fraction of it are rounding.
-STILL = 1e-7
+ROUNDED_MOTION = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,9 +104,9 @@ def free_motions(
     return np.asarray(N @ _null_space(rows @ N)), _null_space(rows @ R).shape[1]
 
 
-def moving(bodies: Sequence[RigidDofs], motions: Array) -> list[RigidDofs]:
+def moving_bodies(bodies: Sequence[RigidDofs], motions: Array) -> list[RigidDofs]:
     """The bodies that take part in some motions (n, k)."""
-    least = STILL * np.abs(motions).max(initial=0.0)
+    least = ROUNDED_MOTION * np.abs(motions).max(initial=0.0)
     return [body for body in bodies if np.abs(motions[body.rows]).max(initial=0.0) > least]
 
 
@@ -141,18 +141,18 @@ def _null_space(E: Array | Sparse) -> Array:
         R = scipy.linalg.qr(np.vstack([R, dense]), mode="r")[0][:k]
     _, values, right = np.linalg.svd(R)
     values = np.concatenate([values, np.zeros(k - len(values))])
-    return np.asarray(right[values <= SATISFIES * max(1.0, values[0])].T)
+    return np.asarray(right[values <= CONSTRAINT_RESIDUAL * max(1.0, values[0])].T)
 
 
 #: A part is at rest if its motion is below this fraction of the largest.
-AT_REST = 1e-6
+REST_SHARE = 1e-6
 #: A motion has no mass if its mass is below this fraction of the largest.
-IDLE_MASS = 1e-12
+MASSLESS_SHARE = 1e-12
 #: Force of a motion without strain over that of the entries of K; rounding leaves about 1e-15.
 MECHANISM_FORCE = 1e-9
 
 
-def modes_of(
+def modes_and_shift(
     layout: Layout,
     K: Matrix,
     M: Matrix,
@@ -168,12 +168,13 @@ def modes_of(
     comm = MPI.COMM_SELF
     motions = eliminated.coordinates(motions)
 
-    modes = orthonormal(comm, M, motions)
+    modes = orthonormal_basis(comm, M, motions)
     if modes.shape[1] < motions.shape[1]:
         values, rotation = np.linalg.eigh(dot(comm, motions, multiply(M, motions)))
-        massless = motions @ rotation[:, values <= IDLE_MASS * values[-1]]
+        massless = motions @ rotation[:, values <= MASSLESS_SHARE * values[-1]]
         raise InputError(
-            f"the reference point {names_of(moving(bodies, eliminated.T @ massless))} moves "
+            f"the reference point {body_names(moving_bodies(bodies, eliminated.T @ massless))} "
+            "moves "
             "without resistance and without mass: join it, support it, or give it a mass."
         )
 
@@ -181,7 +182,7 @@ def modes_of(
         return modes, 0.0
 
     u = eliminated.T @ modes
-    least = AT_REST * np.abs(u).max()
+    least = REST_SHARE * np.abs(u).max()
     for member in layout.members.values():
         r = u[member.rows][:, np.abs(u[member.rows]).max(axis=0) > least]
         ratios = force_ratios(member.part.K, r, multiply(member.part.K, r)) if r.size else r
@@ -196,10 +197,10 @@ def modes_of(
         return modes, 1.0  # any will do
     size = float((layout.high - layout.low).max())
     fields = eliminated.coordinates(layout.places.polynomials(comm, layout.middle, size))
-    return modes, SHIFT * support.first_elastic(comm, K, M, fields, modes)
+    return modes, SHIFT_RATIO * support.first_elastic_estimate(comm, K, M, fields, modes)
 
 
-def names_of(bodies: Sequence[RigidDofs]) -> str:
+def body_names(bodies: Sequence[RigidDofs]) -> str:
     """The names of the parts and points to which bodies belong."""
     return ", ".join(dict.fromkeys(repr(body.name) for body in bodies))
 
@@ -207,14 +208,14 @@ def names_of(bodies: Sequence[RigidDofs]) -> str:
 Loads = TypeVar("Loads")
 
 
-class Added:
+class AddedTerms:
     """What joints and attachments add to K and M (n, n) on q, and to the mass [kg]."""
 
     def __init__(self, elastic: Sequence[ElasticTerm], T: Sparse) -> None:
         self._terms = elastic
         self.mass = float(sum(term.mass for term in elastic))
         self._G = stacked([term.G for term in elastic], len(T.indptr) - 1)
-        self._on_q = [rounded(term.G @ T) for term in elastic]
+        self._on_q = [without_rounding(term.G @ T) for term in elastic]
         self._G_on_q = stacked(self._on_q, T.shape[1])
 
         empty = Sparse((0, 0))
@@ -248,7 +249,7 @@ class AssembledMatrices(PartsMatrices):
     _: KW_ONLY
     layout: Layout  # the parts in their places
     eliminated: Eliminated  # T and the dofs that depend on others
-    added: Added  # what joints and attachments add
+    added: AddedTerms  # what joints and attachments add
     constraints: Constraints  # from which T was made, the supports of the assembly first
 
     assembled: ClassVar[bool] = True
@@ -312,7 +313,7 @@ class AssembledMatrices(PartsMatrices):
         point = self.layout.middle
         motions = self.places.rigid_motions(point)
         attached_loads, S = self.added.inertial_loads(motions)
-        loads = by_parts(self.layout, MeshedStructure.inertial_loads, motions)
+        loads = product_by_parts(self.layout, MeshedStructure.inertial_loads, motions)
         S += motions.T @ loads
         loads = np.asarray(self.T.T @ loads) + attached_loads
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
@@ -328,7 +329,7 @@ class AssembledMatrices(PartsMatrices):
         parts = "1 part" if len(names) == 1 else f"{len(names)} parts"
         return (
             f"assembly of {parts} ({names_text}), {dofs} dofs, "
-            f"{self.rigid_modes.shape[1]} rigid-body modes{self.loads_told}"
+            f"{self.rigid_modes.shape[1]} rigid-body modes{self.prestress_text}"
         )
 
     def dashpots(self) -> list[Dissipation]:
@@ -368,7 +369,7 @@ def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:
     return scipy.sparse.vstack([Sparse((0, count)), *functionals]).tocsr()
 
 
-def block_of(layout: Layout) -> int:
+def block_size(layout: Layout) -> int:
     """Number of dofs per node if all parts have the same, else 1: half a node orders badly."""
     blocks = {m.block for m in layout.members.values()}
     if len(blocks) > 1 or layout.condensed:
@@ -376,7 +377,9 @@ def block_of(layout: Layout) -> int:
     return int(np.gcd(blocks.pop(), POINT_DOFS if layout.points else 0))
 
 
-def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc.Mat, PETSc.Mat]:
+def reduced_matrices(
+    layout: Layout, eliminated: Eliminated, added: AddedTerms
+) -> tuple[PETSc.Mat, PETSc.Mat]:
     """(K, M) of the joined parts, Tᵀ K T and Tᵀ M T; 1 on K's diagonal at dependent dofs."""
     T = eliminated.T
     parts = {name: member.part for name, member in layout.members.items()}
@@ -388,7 +391,7 @@ def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc
     blocks = block_diagonal(layout, {name: part.M for name, part in parts.items()})
     M = as_petsc("M", _projected(T, blocks, added.M), layout)
 
-    if any(by_strains(part.K) for part in parts.values()):
+    if any(uses_strains(part.K) for part in parts.values()):
         K.setAttr(PRODUCT_KEY, _stiffness_operator(layout, T, small.tocsr()))
     return K, M
 
@@ -413,7 +416,9 @@ def block_diagonal(layout: Layout, matrices: Mapping[str, PETSc.Mat]) -> Sparse:
     return result
 
 
-def by_parts(layout: Layout, work: Callable[[MeshedStructure, Array], Array], u: Array) -> Array:
+def product_by_parts(
+    layout: Layout, work: Callable[[MeshedStructure, Array], Array], u: Array
+) -> Array:
     """Vectors (n, k) of u, put together from `work(part, its rows of u)` of each meshed part."""
     result = np.zeros(u.shape)
     for member in layout.members.values():
@@ -424,7 +429,7 @@ def by_parts(layout: Layout, work: Callable[[MeshedStructure, Array], Array], u:
 def as_petsc(name: str, matrix: Sparse, layout: Layout) -> PETSc.Mat:
     """A matrix (n, n) of q in PETSc, with the block size of the nodes."""
     result = from_csr(name, matrix)
-    block = block_of(layout)
+    block = block_size(layout)
     result.setBlockSizes(block, block)
     return result
 
@@ -445,7 +450,7 @@ def _stiffness_operator(layout: Layout, T: Sparse, small: Sparse) -> Callable[[A
         return multiply(part.K, u)
 
     def product(q: Array) -> Array:
-        return np.asarray(transposed @ by_parts(layout, force, T @ q) + small @ q)
+        return np.asarray(transposed @ product_by_parts(layout, force, T @ q) + small @ q)
 
     return product
 
@@ -460,7 +465,7 @@ def group_of(matrices: MeshedParts, name: str, what: str = "point") -> tuple[Mem
     return matrices.members()[0], name
 
 
-def point_in(
+def located_point(
     matrices: MeshedParts, point: Sequence[float] | str | None, part: str | None, node: int | None
 ) -> tuple[Array, str | None, PointMotion | None]:
     """(coordinates (3,) [m], part or None, motion of a point without a mesh or None).
@@ -487,5 +492,5 @@ def point_in(
             return end.point, None, end
 
     member, group = group_of(matrices, point)
-    x = centre(member.part.mesh, group)  # the point next to it is taken
+    x = group_centre(member.part.mesh, group)  # the point next to it is taken
     return member.at.placed(x[None])[0], member.name or None, None

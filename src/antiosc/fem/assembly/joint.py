@@ -24,13 +24,19 @@ from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.mesh.surface import WeightedPoints, quadrature
 from antiosc.fem.structure import in_space, skew
 from antiosc.fem.structure.attachments import ElasticTerm
-from antiosc.fem.structure.loads import NEAR, PointMotion, motion_at, motions_of, stacked
+from antiosc.fem.structure.loads import (
+    SNAP_SHARE,
+    PointMotion,
+    component_projection,
+    motion_at,
+    stacked_rows,
+)
 from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.place import Place, places_at
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 
 #: Fraction of the largest second moment of a group below which it does not tell a rotation.
-COLLINEAR = 1e-12
+COLLINEAR_MOMENT = 1e-12
 
 #: Degree of the rule on faces that the ball of an end cuts, and its least number of points in it.
 CUT_DEGREE, CUT_POINTS = 16, 12
@@ -60,7 +66,7 @@ def checked_end(name: str, end: object) -> End:
     )
 
 
-END = checked_by(checked_end)
+END_CHECK = checked_by(checked_end)
 
 
 def end_text(end: End) -> str:
@@ -78,7 +84,7 @@ def group_end(layout: Layout, name: str, end: End) -> tuple[Member, str]:
     return layout.member(part, f"{end_text(end)}: "), group
 
 
-def motion(layout: Layout, end: End) -> PointMotion:
+def motion_of_end(layout: Layout, end: End) -> PointMotion:
     """The motion of an end at its reference point."""
     end_motion = motion_without_mesh(layout, end)
     if end_motion is not None:
@@ -95,9 +101,11 @@ def motion(layout: Layout, end: End) -> PointMotion:
     member, group = group_end(layout, "an end", end)
     nodes = member.nodes_of(group)
     if len(nodes) != 1:
-        return mean(layout, member, member.points_of(group))
-    rows = stacked(*(layout.at_nodes(member, nodes, kind) for kind in (DISPLACEMENTS, ROTATIONS)))
-    return PointMotion(rows, motions_of(member.part.form), member.nodes[nodes[0]])
+        return mean_motion(layout, member, member.points_of(group))
+    rows = stacked_rows(
+        *(layout.at_nodes(member, nodes, kind) for kind in (DISPLACEMENTS, ROTATIONS))
+    )
+    return PointMotion(rows, component_projection(member.part.form), member.nodes[nodes[0]])
 
 
 def motion_without_mesh(layout: Layout, end: End) -> PointMotion | None:
@@ -120,7 +128,7 @@ def _superelement_motion(layout: Layout, part: str, end: End) -> PointMotion:
     else:
         distances = np.linalg.norm(member.points - in_space(end[1]), axis=1)
         nearest = int(np.argmin(distances))
-        name = list(member.ends)[nearest] if distances[nearest] <= NEAR * layout.size else ""
+        name = list(member.ends)[nearest] if distances[nearest] <= SNAP_SHARE * layout.size else ""
 
     if name not in member.ends:
         names = [f"{part}:{site}" for site in member.ends]
@@ -138,13 +146,13 @@ def _point_motion(
     member = layout.member(part, f"{end_text(end)}: ")
     (place,) = places_at([member], in_space(point)[None])
     distance = place.nearest.distance
-    if distance > NEAR * member.part.mesh.extent():
+    if distance > SNAP_SHARE * member.part.mesh.extent():
         raise InputError(
             f"the point {end_text(end)} is {distance:.3g} m off the part; its nearest point is "
             f"{point_text(place.placed)}."
         )
     if radius is not None:
-        return mean(layout, member, _points_around(place, end, radius)).at(place.placed)
+        return mean_motion(layout, member, _points_around(place, end, radius)).at(place.placed)
 
     own = motion_at(member.part.comm, member.part.form, place.nearest)
     return layout.on_u(own.placed(member.at), member.first)
@@ -168,7 +176,7 @@ def _points_around(place: Place, end: End, radius: float) -> WeightedPoints:
     return replace(selected, x=member.at.placed(selected.x))
 
 
-def mean(layout: Layout, member: Member, points: WeightedPoints) -> PointMotion:
+def mean_motion(layout: Layout, member: Member, points: WeightedPoints) -> PointMotion:
     """Weighted mean motion of points of a part at their centroid.
 
     With r from the centroid the mean rotation θ satisfies J θ = Σ w r × u, J = Σ w (r² 1 − r rᵀ).
@@ -191,12 +199,12 @@ def mean(layout: Layout, member: Member, points: WeightedPoints) -> PointMotion:
         np.einsum("pi,pi->p", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :],
     )
     values, axes = np.linalg.eigh(layout.rotations @ J @ layout.rotations)
-    is_regular = values > COLLINEAR * max(values[-1], np.finfo(float).tiny)
+    is_regular = values > COLLINEAR_MOMENT * max(values[-1], np.finfo(float).tiny)
     inverse = axes[:, is_regular] @ np.diag(1 / values[is_regular]) @ axes[:, is_regular].T
     rotations = (scipy.sparse.csr_matrix(inverse @ moment) @ U).tocsr()
     projection = axes[:, is_regular] @ axes[:, is_regular].T
 
-    of_nodes = motions_of(member.part.form)
+    of_nodes = component_projection(member.part.form)
     undetermined = of_nodes[3:, 3:] @ (np.eye(3) - projection)
     if np.abs(undetermined).max() > 1e-9:
         turned = average @ layout.at_points(member, points.cell, points.X, ROTATIONS)
@@ -204,7 +212,7 @@ def mean(layout: Layout, member: Member, points: WeightedPoints) -> PointMotion:
         projection = projection + undetermined
 
     space = scipy.linalg.block_diag(of_nodes[:3, :3], projection)
-    return PointMotion(stacked(displacements, rotations), space, centre)
+    return PointMotion(stacked_rows(displacements, rotations), space, centre)
 
 
 # -- joints: rows of constraints C u = 0, and terms Gᵀ k G of springs and masses
@@ -224,7 +232,7 @@ class Rows:
         return cls(matrix, np.full(matrix.shape[0], -1), label)
 
 
-def following(
+def following_rows(
     layout: Layout,
     member: Member,
     nodes: IntArray,
@@ -281,8 +289,8 @@ class Joint(Checked):
     def prepare(self, layout: Layout, label: str) -> None:
         """Add the reference points of the joint to the layout."""
 
-    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
-        """The linear constraints C u = 0 of the joint; `held`: those made before it."""
+    def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
+        """The linear constraints C u = 0 of the joint; `earlier`: those made before it."""
         return []
 
     def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
@@ -300,8 +308,8 @@ class Joint(Checked):
 class TwoEnds(Joint):
     """Base of joints between two ends."""
 
-    a: End = field(metadata=END)
-    b: End = field(metadata=END)
+    a: End = field(metadata=END_CHECK)
+    b: End = field(metadata=END_CHECK)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -310,4 +318,4 @@ class TwoEnds(Joint):
 
 
 #: Metadata of the field `name` of a joint.
-NAME = checked_by(text)
+NAME_CHECK = checked_by(text)

@@ -14,9 +14,9 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import checked_by, coordinates, instance, number, positive, shown, store
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.joint import (
-    COLLINEAR,
-    END,
-    NAME,
+    COLLINEAR_MOMENT,
+    END_CHECK,
+    NAME_CHECK,
     Constraints,
     End,
     Joint,
@@ -24,48 +24,48 @@ from antiosc.fem.assembly.joint import (
     TwoEnds,
     checked_end,
     end_text,
-    following,
+    following_rows,
     group_end,
-    mean,
-    motion,
+    mean_motion,
+    motion_of_end,
 )
 from antiosc.fem.assembly.layout import Layout, Sparse
-from antiosc.fem.elements.beam import Beam, heights
-from antiosc.fem.structure import across, checked_axis, in_space, skew
+from antiosc.fem.elements.beam import Beam, height_directions
+from antiosc.fem.structure import checked_axis, in_space, perpendiculars, skew
 from antiosc.fem.structure.attachments import ElasticTerm, by_components
-from antiosc.fem.structure.loads import UNIT, PointMotion
+from antiosc.fem.structure.loads import UNIT_MOTIONS, PointMotion
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import COMPONENTS, DISPLACEMENTS, ROTATIONS
 
 #: Points this share of the size of the assembly apart are one; coefficients this share apart too.
-COINCIDENT = 1e-9
+COINCIDENT_SHARE = 1e-9
 #: The motions of plane parts among the six of an end.
-IN_PLANE = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+PLANE_MOTIONS = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 #: Gauss points for the mass matrix, whose integrands are products of two cubics.
-GAUSS_POINTS = 5
+GAUSS_POINT_COUNT = 5
 #: Displacement and rotation of bending along y and along z, and the sign of the rotation: about z
 #: bending is along y, about y it is along z with the opposite sign.
-PLANES = ((1, 5, 1.0), (2, 4, -1.0))
+BENDING_PLANES = ((1, 5, 1.0), (2, 4, -1.0))
 
 
 @dataclass(frozen=True)
 class _Pin(TwoEnds):
     point: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
-    name: str | None = field(default=None, metadata=NAME)
+    name: str | None = field(default=None, metadata=NAME_CHECK)
 
-    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
         """Equal displacements and rotations of both ends, in the constrained directions."""
-        ends = [(end, motion(layout, end)) for end in (self.a, self.b)]
+        ends = [(end, motion_of_end(layout, end)) for end in (self.a, self.b)]
         directions = self._constrained()
         if layout.plane:
-            directions = directions * IN_PLANE
+            directions = directions * PLANE_MOTIONS
             directions = directions[np.abs(directions).max(axis=1) > 1e-9]
 
-        rows = relative(label, directions, *motions_at(layout, label, ends, self.point))
+        rows = relative_motion(label, directions, *motions_at(layout, label, ends, self.point))
 
         # without coefficients that are rounding errors
-        sizes = abs(scipy.sparse.csr_matrix(directions)) @ sum(abs(m.six) for _, m in ends)
-        rows = rows.multiply(abs(rows) > COINCIDENT * sizes).tocsr()
+        sizes = abs(scipy.sparse.csr_matrix(directions)) @ sum(abs(m.functionals) for _, m in ends)
+        rows = rows.multiply(abs(rows) > COINCIDENT_SHARE * sizes).tocsr()
         rows.eliminate_zeros()
         if not rows.nnz:
             raise InputError(f"{label} joins nothing: both of its ends are the same point.")
@@ -116,21 +116,21 @@ class _Axis(_Pin):
     #: whether the axis is that of a rotation
     _turns_about_axis: ClassVar[bool] = True
 
-    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
         """As `Weld.constraints`; InputError for an axis out of a plane structure's motions."""
         rotated = abs(self.axis[2]) / float(np.linalg.norm(self.axis))
         free_rotation = self._turns_about_axis
-        if layout.plane and abs(rotated - free_rotation) > COINCIDENT:
+        if layout.plane and abs(rotated - free_rotation) > COINCIDENT_SHARE:
             raise InputError(
                 f"{label}: plane parts rotate about z and slide along x and y; the axis "
                 f"{tuple(self.axis)} allows neither."
             )
 
-        return super().constraints(layout, held, label)
+        return super().constraints(layout, earlier, label)
 
     def _across(self) -> Array:
         """Two unit vectors (2, 3) perpendicular to the axis."""
-        return across(np.array([self.axis]) / np.linalg.norm(self.axis))[0]
+        return perpendiculars(np.array([self.axis]) / np.linalg.norm(self.axis))[0]
 
 
 @dataclass(frozen=True)
@@ -161,12 +161,12 @@ class Slider(_Axis):
 
 
 #: An end of a joint and its motion.
-Moving: TypeAlias = tuple[End, PointMotion]
+EndMotion: TypeAlias = tuple[End, PointMotion]
 
 
 def motions_at(
-    layout: Layout, label: str, ends: Sequence[Moving], point: Sequence[float] | None
-) -> list[Moving]:
+    layout: Layout, label: str, ends: Sequence[EndMotion], point: Sequence[float] | None
+) -> list[EndMotion]:
     """For each end, the motion of `point` (None: the point of the first end) rigidly tied to it.
 
     InputError for an end without rotation away from the point.
@@ -176,11 +176,11 @@ def motions_at(
     for end, end_motion in ends:
         arm = x - end_motion.point
         length = float(np.linalg.norm(arm))
-        if length <= COINCIDENT * layout.size:
+        if length <= COINCIDENT_SHARE * layout.size:
             result.append((end, replace(end_motion, point=x)))
             continue
         across = np.eye(3) - np.outer(arm, arm) / length**2
-        if not end_motion.turns(layout.rotations if layout.plane else across):
+        if not end_motion.has_rotations(layout.rotations if layout.plane else across):
             raise InputError(
                 f"{label} lies {length:.3g} m away from {end_text(end)}, which has no rotation to "
                 "carry it there: points of solids do not rotate; give a group of faces, or a point "
@@ -191,7 +191,7 @@ def motions_at(
     return result
 
 
-def relative(label: str, directions: Array, a: Moving, b: Moving) -> Sparse:
+def relative_motion(label: str, directions: Array, a: EndMotion, b: EndMotion) -> Sparse:
     """Motion (k, n) of b less that of a along `directions` (k, 6); InputError if one has none."""
     for end, end_motion in (a, b):
         for direction in directions:
@@ -206,7 +206,7 @@ def relative(label: str, directions: Array, a: Moving, b: Moving) -> Sparse:
                     "a Ball), and a site of a model moves along its directions."
                 )
 
-    return (scipy.sparse.csr_matrix(directions) @ (b[1].six - a[1].six)).tocsr()
+    return (scipy.sparse.csr_matrix(directions) @ (b[1].functionals - a[1].functionals)).tocsr()
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,7 @@ class Equation(Joint):
     """
 
     terms: Sequence[tuple[End, str, float]]
-    name: str | None = field(default=None, metadata=NAME)
+    name: str | None = field(default=None, metadata=NAME_CHECK)
 
     def __post_init__(self) -> None:
         if not isinstance(self.terms, Sequence) or isinstance(self.terms, str) or not self.terms:
@@ -237,11 +237,11 @@ class Equation(Joint):
         store(self, terms=terms)
         super().__post_init__()
 
-    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
         """The single row of the equation."""
         total = layout.zeros(1)
         for end, component, coefficient in self.terms:
-            end_motion = motion(layout, end)
+            end_motion = motion_of_end(layout, end)
             row = end_motion.components([component])
             if end_motion.lacking([component]):
                 raise InputError(
@@ -276,10 +276,10 @@ def _checked_term(term: object) -> tuple[End, str, float]:
 
 
 AXES = (*COMPONENTS, "axial")
-OF_AXES = checked_by(by_components, "Bushing", AXES)
+AXES_CHECK = checked_by(by_components, "Bushing", AXES)
 
 
-def _branches(_: str, branches: object) -> tuple[tuple[dict[str, float], float], ...]:
+def _checked_branches(_: str, branches: object) -> tuple[tuple[dict[str, float], float], ...]:
     """Checked stiffnesses by component, and relaxation times."""
     if not isinstance(branches, list | tuple) or any(
         not isinstance(branch, list | tuple) or len(branch) != 2 for branch in branches
@@ -321,12 +321,12 @@ class Bushing(TwoEnds):
         complex stiffness at ω is k + iωc + Σ k_b iωτ/(1 + iωτ).
     """
 
-    stiffness: Mapping[str, float] = field(default_factory=dict, metadata=OF_AXES)
+    stiffness: Mapping[str, float] = field(default_factory=dict, metadata=AXES_CHECK)
     point: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
-    name: str | None = field(default=None, metadata=NAME)
-    damping: Mapping[str, float] = field(default_factory=dict, metadata=OF_AXES)
+    name: str | None = field(default=None, metadata=NAME_CHECK)
+    damping: Mapping[str, float] = field(default_factory=dict, metadata=AXES_CHECK)
     branches: Sequence[tuple[Mapping[str, float], float]] = field(
-        default=(), metadata=checked_by(_branches)
+        default=(), metadata=checked_by(_checked_branches)
     )
 
     def __post_init__(self) -> None:
@@ -339,7 +339,7 @@ class Bushing(TwoEnds):
 
     def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
         """A spring k (b − a)²/2 for each component."""
-        ends = [(end, motion(layout, end)) for end in (self.a, self.b)]
+        ends = [(end, motion_of_end(layout, end)) for end in (self.a, self.b)]
         constants = [self.stiffness, self.damping, *(values for values, _ in self.branches)]
         names = list(dict.fromkeys(name for values in constants for name in values))
         names.sort(key=lambda name: name != "axial")  # it comes first
@@ -349,14 +349,16 @@ class Bushing(TwoEnds):
         if "axial" in names:
             line = ends[1][1].point - ends[0][1].point
             length = float(np.linalg.norm(line))
-            if length <= COINCIDENT * layout.size:
+            if length <= COINCIDENT_SHARE * layout.size:
                 raise InputError(f"{label} has no length: an axial spring needs two places.")
             axial = np.append(line / length, np.zeros(3))
-            functionals.append(relative(label, axial[None], *ends))
+            functionals.append(relative_motion(label, axial[None], *ends))
 
-        units = np.array([UNIT[name] for name in names if name != "axial"])
+        units = np.array([UNIT_MOTIONS[name] for name in names if name != "axial"])
         if len(units):
-            functionals.append(relative(label, units, *motions_at(layout, label, ends, self.point)))
+            functionals.append(
+                relative_motion(label, units, *motions_at(layout, label, ends, self.point))
+            )
         G = scipy.sparse.vstack(functionals).tocsr()
         if not G.nnz:
             raise InputError(f"{label} joins nothing: none of its components can move.")
@@ -387,9 +389,9 @@ class Rigid(Joint):
         Name of the joint in messages.
     """
 
-    group: str = field(metadata=END)
-    point: End | None = field(default=None, metadata=END)
-    name: str | None = field(default=None, metadata=NAME)
+    group: str = field(metadata=END_CHECK)
+    point: End | None = field(default=None, metadata=END_CHECK)
+    name: str | None = field(default=None, metadata=NAME_CHECK)
 
     def prepare(self, layout: Layout, label: str) -> None:
         """Add a reference point to the layout if the group follows no point of the user."""
@@ -400,17 +402,17 @@ class Rigid(Joint):
                 raise InputError(f"{label}: {self.group!r} is a single point, which is rigid.")
             layout.points[label] = member.nodes[nodes].mean(axis=0)
 
-    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
         """Every dof of the group equals the rigid motion of the point."""
         member, group = group_end(layout, "group", self.group)
         nodes = member.nodes_of(group)
         point = label if self.point is None else self.point
-        leader = motion(layout, point)
-        columns = np.unique(leader.six.indices)
+        leader = motion_of_end(layout, point)
+        columns = np.unique(leader.functionals.indices)
         block = (columns - member.first) // member.block
         in_member = (columns >= member.rows.start) & (columns < member.rows.stop)
         nodes = nodes[~np.isin(nodes, block[in_member])]  # the point itself may be in the group
-        if not leader.turns(layout.rotations):
+        if not leader.has_rotations(layout.rotations):
             raise InputError(
                 f"{label}: the point {end_text(point)} does not rotate, so that nothing can "
                 "follow its rotation: take a reference point (points={...}), or a point of a beam "
@@ -422,7 +424,7 @@ class Rigid(Joint):
         rotations = scipy.sparse.vstack([leader.rotations] * len(nodes)).tocsr()
         displacements = leader.displacements_at(member.nodes[nodes])
         motions = [(DISPLACEMENTS, displacements), (ROTATIONS, rotations)]
-        rows = following(layout, member, nodes, motions, label)
+        rows = following_rows(layout, member, nodes, motions, label)
         return [rows, *(_fix_idle_rotations(member, nodes, leader) if self.point is None else [])]
 
 
@@ -444,21 +446,21 @@ class Mean(Joint):
         Name of the joint in messages.
     """
 
-    group: str = field(metadata=END)
-    point: End = field(metadata=END)
-    name: str | None = field(default=None, metadata=NAME)
+    group: str = field(metadata=END_CHECK)
+    point: End = field(metadata=END_CHECK)
+    name: str | None = field(default=None, metadata=NAME_CHECK)
 
-    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
         """Displacement and rotation of the point equal the mean ones of the group."""
         member, group = group_end(layout, "group", self.group)
         nodes = member.nodes_of(group)
-        follower = motion(layout, self.point)
+        follower = motion_of_end(layout, self.point)
         if len(nodes) == 1:
             raise InputError(
                 f"{label}: {self.group!r} is a single point; a Mean needs several (use Weld)."
             )
 
-        leader = mean(layout, member, member.points_of(group))
+        leader = mean_motion(layout, member, member.points_of(group))
         if set(leader.displacements.indices) & set(follower.displacements.indices):
             raise InputError(
                 f"{label}: the point {end_text(self.point)} is one of the group {self.group!r} "
@@ -466,7 +468,7 @@ class Mean(Joint):
             )
 
         directions = _spanning_rows(leader.space @ follower.space)
-        rows = relative(
+        rows = relative_motion(
             label, directions, (self.group, leader.at(follower.point)), (self.point, follower)
         )
         rows.eliminate_zeros()
@@ -484,7 +486,7 @@ def _fix_idle_rotations(member: Member, nodes: IntArray, leader: PointMotion) ->
     arm = member.nodes[nodes] - leader.point
     J = np.einsum("pi,pi->", arm, arm) * np.eye(3) - arm.T @ arm
     values, axes = np.linalg.eigh(J)
-    free_axes = axes[:, values <= COLLINEAR * values[-1]].T
+    free_axes = axes[:, values <= COLLINEAR_MOMENT * values[-1]].T
     return [Rows.free((scipy.sparse.csr_matrix(free_axes) @ leader.rotations).tocsr(), "")]
 
 
@@ -514,7 +516,7 @@ class Bolt(TwoEnds):
     """
 
     beam: Beam = field(metadata=checked_by(instance, Beam, "a Beam"))
-    name: str | None = field(default=None, metadata=NAME)
+    name: str | None = field(default=None, metadata=NAME_CHECK)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -523,7 +525,7 @@ class Bolt(TwoEnds):
 
     def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
         """ElasticTerm and mass of the beam."""
-        ends = [motion(layout, end) for end in (self.a, self.b)]
+        ends = [motion_of_end(layout, end) for end in (self.a, self.b)]
         line = ends[1].point - ends[0].point
         length = float(np.linalg.norm(line))
         if length <= 1e-9 * layout.size:
@@ -533,7 +535,7 @@ class Bolt(TwoEnds):
             )
 
         for end, end_motion in zip((self.a, self.b), ends, strict=True):
-            if not end_motion.turns(layout.rotations):
+            if not end_motion.has_rotations(layout.rotations):
                 raise InputError(
                     f"{label}: {end_text(end)} has no rotation, and the end of a beam needs "
                     'one: give a group of faces, or a radius, ("part", point, radius).'
@@ -543,13 +545,15 @@ class Bolt(TwoEnds):
         middle = (ends[0].point + ends[1].point) / 2
         height = np.array([-axis[1], axis[0], 0.0])  # in the plane of plane parts
         if not layout.plane:
-            height = heights(self.beam, axis[None], middle[None])[0]
+            height = height_directions(self.beam, axis[None], middle[None])[0]
         y = height - (height @ axis) * axis
         y /= np.linalg.norm(y)
         R = np.vstack([axis, y, np.cross(axis, y)])
         k, m = beam_matrices(self.beam, length)
         rotation = scipy.sparse.block_diag([scipy.sparse.csr_matrix(R)] * 4, format="csr")
-        G = (rotation @ scipy.sparse.vstack([end_motion.six for end_motion in ends])).tocsr()
+        G = (
+            rotation @ scipy.sparse.vstack([end_motion.functionals for end_motion in ends])
+        ).tocsr()
         mass = self.beam.rho * self.beam.section.A * length
         return [ElasticTerm(G, k, m, mass)]
 
@@ -566,7 +570,7 @@ def beam_matrices(beam: Beam, length: float) -> tuple[Array, Array]:
     inertia[5, 5] = beam.rotary_inertia(section.I)
 
     m = np.zeros((12, 12))
-    points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    points, weights = np.polynomial.legendre.leggauss(GAUSS_POINT_COUNT)
     for share, weight in zip((1 + points) / 2, weights / 2, strict=True):
         left = _beam_stiffness(beam, share * length)
         right = _beam_stiffness(beam, (1 - share) * length)
@@ -587,7 +591,7 @@ def _beam_stiffness(beam: Beam, length: float) -> Array:
     flexibility[0, 0] = length / (beam.E * section.A)
     flexibility[3, 3] = length / (beam.G * section.torsion)
 
-    for (move, turn, sign), (I, shear) in zip(PLANES, section.planes, strict=True):  # noqa: E741
+    for (move, turn, sign), (I, shear) in zip(BENDING_PLANES, section.planes, strict=True):  # noqa: E741
         bending = length / (beam.E * I)
         flexibility[turn, turn] = bending
         flexibility[move, turn] = flexibility[turn, move] = sign * bending * length / 2

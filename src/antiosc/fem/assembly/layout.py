@@ -32,8 +32,8 @@ from antiosc.fem.structure import (
     DofPlaces,
     NodalMatrices,
     Placement,
+    checked_placement,
     in_space,
-    placement,
 )
 from antiosc.fem.structure.loads import ROUNDED_VALUE, PointMotion, Sparse
 from antiosc.fem.structure.meshed import Member, MeshedStructure
@@ -42,7 +42,7 @@ from antiosc.io.matrices import DISPLACEMENTS
 from antiosc.models.anti_oscillators import AntiOscillators, reduced_matrices
 
 #: Most dofs: the matrices are dense, 32 MB each.
-MOST_SIZE = 2000
+MOST_DENSE_DOFS = 2000
 #: Fraction of the largest stiffness below which rounding, or the digits of coordinates, made it.
 STIFFNESS_ROUNDING = 1e-7
 
@@ -115,10 +115,11 @@ def model_superelement(name: str, model: AntiOscillators) -> Superelement:
 def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
     """The superelement of given matrices with coordinates of nodes; InputError for others."""
     size = algebra.size(matrices.K)
-    if not matrices.located or size > MOST_SIZE or matrices.C is not None:
+    if not matrices.located or size > MOST_DENSE_DOFS or matrices.C is not None:
         raise InputError(
             f"the part {name!r} has no mesh: its matrices, of {size} dofs, need coordinates (map= "
-            f"with node, dof, x, y, z of each row), at most {MOST_SIZE} dofs, and no C (damp the "
+            f"with node, dof, x, y, z of each row), at most {MOST_DENSE_DOFS} dofs, and no C "
+            "(damp the "
             "model of the assembly)."
         )
 
@@ -196,7 +197,7 @@ class Layout:
                 first += len(part.K)
         self.points = dict(points)
         self._first_point = first
-        self.plane = _plane(self.members, self.condensed)
+        self.plane = _are_plane(self.members, self.condensed)
         for name, x in self.points.items() if self.plane else ():
             if x[2]:
                 raise InputError(
@@ -249,8 +250,8 @@ class Layout:
 
     def on_u(self, motion: PointMotion, first: int) -> PointMotion:
         """The motion of a part as functionals of u; `first`: the part's first dof in u."""
-        six = motion.six.tocoo()
-        return replace(motion, six=self.matrix(six.row, six.col + first, six.data, 6))
+        six = motion.functionals.tocoo()
+        return replace(motion, functionals=self.matrix(six.row, six.col + first, six.data, 6))
 
     def point_dofs(self, name: str) -> IntArray:
         """Dofs (6,) in u of the reference point `name`."""
@@ -364,7 +365,7 @@ class Layout:
         return self.matrix(np.arange(len(columns)), columns, np.ones(len(columns)), len(columns))
 
 
-def _plane(members: Mapping[str, Member], condensed: Mapping[str, Superelement]) -> bool:
+def _are_plane(members: Mapping[str, Member], condensed: Mapping[str, Superelement]) -> bool:
     """Whether the parts are plane; InputError if some are plane and others are not."""
     plane = {name: "z" not in m.part.form.components for name, m in members.items()}
     if len(set(plane.values())) > 1:
@@ -399,7 +400,7 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Superelement])
 ROUNDED_COEFFICIENT = 1e-13
 
 
-def rounded(matrix: Sparse) -> Sparse:
+def without_rounding(matrix: Sparse) -> Sparse:
     """The matrix without entries below the rounding error of the largest entry of their row."""
     matrix = matrix.tocsr()
     size = np.abs(matrix.data)
@@ -418,7 +419,7 @@ def checked_parts(parts: object) -> dict[str, MeshedStructure | Superelement]:
         raise InputError(f"parts must be a dict: name -> Structure; got {shown(parts)}.")
     for name in parts:
         _check_name("part", name)
-    result = {name: _part(name, part) for name, part in parts.items()}
+    result = {name: _checked_part(name, part) for name, part in parts.items()}
     if all(isinstance(part, Superelement) for part in result.values()):
         raise InputError("an assembly needs a part with a mesh; all parts are superelements.")
     return result
@@ -431,7 +432,7 @@ def _check_name(what: str, name: object) -> None:
         raise InputError(f"a {what}'s name must be a text without a colon; got {shown(name)}.")
 
 
-def _part(name: str, part: object) -> MeshedStructure | Superelement:
+def _checked_part(name: str, part: object) -> MeshedStructure | Superelement:
     if isinstance(part, AntiOscillators):
         return model_superelement(name, part)
     if not isinstance(part, Structure):
@@ -469,7 +470,7 @@ def checked_places(members: Mapping[str, object], at: object) -> dict[str, Place
         if not isinstance(name, str) or name not in members:
             parts = name_list(name, members, "the parts")
             raise InputError(f"at names {shown(name)}, which is no part; {parts}.")
-    return {name: placement(name, placements.get(name)) for name in members}
+    return {name: checked_placement(name, placements.get(name)) for name in members}
 
 
 def checked_points(members: Mapping[str, object], points: object) -> dict[str, Array]:

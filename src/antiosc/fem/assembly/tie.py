@@ -31,24 +31,24 @@ import scipy.sparse
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import checked_by, point_text, positive
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.joint import NAME, Constraints, Rows, TwoEnds, group_end
+from antiosc.fem.assembly.joint import NAME_CHECK, Constraints, Rows, TwoEnds, group_end
 from antiosc.fem.assembly.layout import Layout, Sparse
-from antiosc.fem.mesh.surface import Entities, feet, largest, pairs_within
+from antiosc.fem.mesh.surface import Entities, foot_coordinates, largest_entities, pairs_within
 from antiosc.fem.platform import compat
-from antiosc.fem.structure import across, skew
+from antiosc.fem.structure import perpendiculars, skew
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 
 #: Surfaces lie on each other up to this share of the mean size of their faces.
-GAP = 0.3
+GAP_SHARE = 0.3
 #: Fraction of a node's function that must lie on the other surface for the node to follow it.
-COVERED = 0.3
+COVERED_SHARE = 0.3
 #: Areas covered that differ by less than this share are equal: then the finer side follows.
-EQUAL = 0.02
+EQUAL_COVER = 0.02
 #: Coefficients of a projection below this share of the largest are dropped: they decay fast.
 ROUNDED_WEIGHT = 1e-13
 #: A gap this share of the size of the assembly is rounding.
-CLOSED = 1e-12
+CLOSED_GAP = 1e-12
 
 
 class Facets(Entities):
@@ -56,7 +56,7 @@ class Facets(Entities):
 
     def __init__(self, member: Member, group: str) -> None:
         self.member = member
-        super().__init__(member.part.mesh, *largest(member.part.mesh, group))
+        super().__init__(member.part.mesh, *largest_entities(member.part.mesh, group))
         self.corners = member.vertices[self.vertices]
 
     @cached_property
@@ -119,11 +119,11 @@ class Facets(Entities):
 
 
 #: Faces whose normals have a smaller cosine do not lie on each other.
-FACING = 0.5
+FACING_COSINE = 0.5
 #: Pieces of an edge with a rule each: functions of the leader have kinks within them.
 EDGE_PIECES, FACE_PIECES = 4, 3
 #: Share of the size of a face by which a point may lie beside the other surface.
-BESIDE = 0.02
+BESIDE_SHARE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,27 +144,27 @@ def overlap(follower: Facets, leader: Facets, gap: float) -> Overlap:
     """The points of the follower that lie on the leader, at most `gap` [m] away."""
     face, xi, weight = follower.rule(EDGE_PIECES if follower.dim == 1 else FACE_PIECES)
     x = follower.at(face, xi)[0]
-    leader_face, eta, y = closest(leader, x, gap)
+    leader_face, eta, y = nearest_on_faces(leader, x, gap)
     lies = np.linalg.norm(x - y, axis=1) <= gap
 
     if follower.dim == leader.dim:
         n = follower.normals[face]
-        lies &= np.abs(np.einsum("nc,nc->n", n, leader.normals[leader_face])) > FACING
+        lies &= np.abs(np.einsum("nc,nc->n", n, leader.normals[leader_face])) > FACING_COSINE
         offset = np.where(lies[:, None], x - y, 0.0)
         along = np.linalg.norm(np.einsum("nc,nc->n", offset, n)[:, None] * n, axis=1)
         total = np.linalg.norm(offset, axis=1)
         beside = along if follower.dim == 1 else np.sqrt(np.maximum(total**2 - along**2, 0.0))
-        lies &= beside <= BESIDE * follower.radii[face]
+        lies &= beside <= BESIDE_SHARE * follower.radii[face]
 
     share = float(weight[lies].sum() / weight.sum())
     of_leader = leader_face[lies], eta[lies], y[lies]
     return Overlap(face[lies], xi[lies], x[lies], *of_leader, weight[lies], share)
 
 
-def closest(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array, Array]:
+def nearest_on_faces(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array, Array]:
     """(face, ξ, point) of the nearest points of faces; the point is infinite beyond `reach`."""
     item, point = pairs_within(faces.centres, faces.radii + reach, points)
-    xi = feet(faces, item, points[point])
+    xi = foot_coordinates(faces, item, points[point])
     x = faces.at(item, xi)[0]
     order = np.argsort(-np.linalg.norm(x - points[point], axis=1), kind="stable")
     face = np.zeros(len(points), dtype=int)
@@ -195,11 +195,11 @@ class Tie(TwoEnds):
     """
 
     gap: float | None = field(default=None, metadata=checked_by(positive, "m"))
-    name: str | None = field(default=None, metadata=NAME)
+    name: str | None = field(default=None, metadata=NAME_CHECK)
 
     late: ClassVar[bool] = True
 
-    def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
         """Constraints by which every free dof of the follower equals that of the leader."""
         sides = [
             Facets(*group_end(layout, name, end)) for name, end in (("a", self.a), ("b", self.b))
@@ -212,15 +212,15 @@ class Tie(TwoEnds):
                 "of faces and of edges."
             )
 
-        tied = held.fixed.copy()
-        for rows in held.rows:
+        tied = earlier.fixed.copy()
+        for rows in earlier.rows:
             tied[rows.pivot[rows.pivot >= 0]] = True
 
         # if both follow other joints, what is said twice is found later
         orders = self._orders(sides, label)
-        for unavailable in (tied, held.fixed):
+        for unavailable in (tied, earlier.fixed):
             for follower, leader, common in orders:
-                made = _projection(layout, follower, leader, common, unavailable, label)
+                made = _projection_rows(layout, follower, leader, common, unavailable, label)
                 if made:
                     return made
 
@@ -232,7 +232,7 @@ class Tie(TwoEnds):
     def _orders(self, sides: list[Facets], label: str) -> list[tuple[Facets, Facets, Overlap]]:
         """Possible (follower, leader, overlap), the better one first; InputError if none."""
         size = min(float(side.radii.mean()) for side in sides)
-        gap = GAP * size if self.gap is None else self.gap
+        gap = GAP_SHARE * size if self.gap is None else self.gap
         orders = [(a, b, overlap(a, b, gap)) for a, b in (sides, sides[::-1]) if a.dim <= b.dim]
         if not any(common.share for _, _, common in orders):
             raise InputError(
@@ -242,7 +242,7 @@ class Tie(TwoEnds):
 
         if len(orders) == 2:
             (a, b, of_a), (_, _, of_b) = orders
-            alike = abs(of_a.share - of_b.share) <= EQUAL
+            alike = abs(of_a.share - of_b.share) <= EQUAL_COVER
             finer = a.radii.mean() < b.radii.mean()
             if not (finer if alike else of_a.share > of_b.share):
                 orders.reverse()
@@ -250,7 +250,7 @@ class Tie(TwoEnds):
         return orders
 
 
-def _projection(
+def _projection_rows(
     layout: Layout,
     follower: Facets,
     leader: Facets,
@@ -266,7 +266,7 @@ def _projection(
     D = (phi.T @ weight @ phi).tocsr()
     face, xi, weights = follower.rule()
     squares = follower.basis(face, xi)[:, nodes].power(2)
-    is_covered = D.diagonal() > COVERED * (squares.T @ weights)
+    is_covered = D.diagonal() > COVERED_SHARE * (squares.T @ weights)
     projection = _Projection(D, phi.T @ weight)
 
     constraints: list[Rows] = []
@@ -351,7 +351,7 @@ def _leader_motions(
     both_turn = follower.member.has_rotations and member.has_rotations
     rotations = layout.zeros(3 * len(cell))
 
-    if np.abs(arm).max() > CLOSED * layout.size:
+    if np.abs(arm).max() > CLOSED_GAP * layout.size:
         rotations = (
             layout.at_points(member, cell, X, ROTATIONS)
             if member.has_rotations
@@ -380,11 +380,11 @@ def _dense_product(inverse: Array, functionals: Sparse) -> Sparse:
 
 
 #: Points through the thickness.
-LAYERS = 5
+THICKNESS_POINTS = 5
 #: Part of the thickness by which a point may lie off the face.
-OFF = 0.05
+OFF_FACE_SHARE = 0.05
 #: Least share of the second moment of the whole thickness that must lie on the face.
-ENOUGH = 0.1
+LEAST_MOMENT_SHARE = 0.1
 
 
 def edge_on_solid(
@@ -395,23 +395,23 @@ def edge_on_solid(
     u₀ + s g is the straight line through the displacements of the solid's face over the thickness.
     """
     normals, thickness = _normals_and_thickness(edge, common)
-    s, w = np.polynomial.legendre.leggauss(LAYERS)
+    s, w = np.polynomial.legendre.leggauss(THICKNESS_POINTS)
     points = common.x
     count = len(common.weight)
     height = thickness[:, None] / 2 * s
     x = points[:, None] + height[..., None] * normals[:, None]
     distances = np.linalg.norm(common.x - common.y, axis=1)
-    reach = float(distances.max() + OFF * thickness.max())
-    face_of_point, xi, y = closest(face, x.reshape(-1, 3), reach)
+    reach = float(distances.max() + OFF_FACE_SHARE * thickness.max())
+    face_of_point, xi, y = nearest_on_faces(face, x.reshape(-1, 3), reach)
     offset = np.where(np.isfinite(y), y, 0.0).reshape(x.shape) - x
     heights = np.abs(np.einsum("qld,qd->ql", offset, normals))
-    on_face = np.isfinite(y[:, 0]).reshape(count, LAYERS)
-    weight = w / 2 * (on_face & (heights <= OFF * thickness[:, None]))
+    on_face = np.isfinite(y[:, 0]).reshape(count, THICKNESS_POINTS)
+    weight = w / 2 * (on_face & (heights <= OFF_FACE_SHARE * thickness[:, None]))
     total = weight.sum(axis=1)
     middle = (weight * height).sum(axis=1) / np.where(total > 0, total, 1.0)
 
     second = (weight * (height - middle[:, None]) ** 2).sum(axis=1)
-    if (second < ENOUGH * thickness**2 / 12).any():
+    if (second < LEAST_MOMENT_SHARE * thickness**2 / 12).any():
         k = int(np.argmin(second / thickness**2))
         raise InputError(
             f"{label}: at {point_text(points[k])} too little of the shell's thickness of "
@@ -470,7 +470,7 @@ def rotation_rows(
     member = edge.member
     dofs = np.column_stack([layout.dofs(member, nodes, name) for name in ROTATIONS])
     units = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    E = across(units)
+    E = perpendiculars(units)
 
     # the part's component about the normal stays free
     axes = E @ member.at.rotation

@@ -25,10 +25,10 @@ from antiosc.base.errors import InputError
 from antiosc.base.stresses import Strengths
 
 #: Points on the outline of a circle; the stress between two of them is up to 0.5 % larger.
-ON_CIRCLE = 32
+CIRCLE_POINTS = 32
 
 
-def _points(name: str, value: object) -> tuple[tuple[float, float], ...]:
+def _checked_outline(name: str, value: object) -> tuple[tuple[float, float], ...]:
     """The outline as a tuple of points (y, z); InputError if `value` is not a list of points."""
     if isinstance(value, Sequence) and not len(value):
         return ()
@@ -36,9 +36,9 @@ def _points(name: str, value: object) -> tuple[tuple[float, float], ...]:
     return tuple((float(y), float(z)) for y, z in rows)
 
 
-def _circle(d: float) -> list[tuple[float, float]]:
+def _circle_outline(d: float) -> list[tuple[float, float]]:
     """Points (y, z) on the outline of a circle of diameter d."""
-    angles = 2 * math.pi * np.arange(ON_CIRCLE) / ON_CIRCLE
+    angles = 2 * math.pi * np.arange(CIRCLE_POINTS) / CIRCLE_POINTS
     return [(d / 2 * math.cos(a), d / 2 * math.sin(a)) for a in angles]
 
 
@@ -62,7 +62,7 @@ class Section(Checked):
     shear: float = field(default=5 / 6, metadata=checked_by(positive))
     shear_side: float | None = field(default=None, kw_only=True, metadata=checked_by(positive))
     outline: Sequence[tuple[float, float]] = field(
-        default=(), kw_only=True, repr=False, metadata=checked_by(_points)
+        default=(), kw_only=True, repr=False, metadata=checked_by(_checked_outline)
     )
 
     @property
@@ -111,7 +111,7 @@ class Section(Checked):
         """A solid circle of diameter `d` in m (not its radius); κ = 9/10."""
         d = positive("d", d, "m")
         A, I = math.pi * d**2 / 4, math.pi * d**4 / 64  # noqa: E741
-        return cls(A=A, I=I, shear=shear, outline=_circle(d))
+        return cls(A=A, I=I, shear=shear, outline=_circle_outline(d))
 
     @classmethod
     def tube(cls, d: float, t: float, shear: float = 0.5) -> Section:
@@ -124,7 +124,7 @@ class Section(Checked):
         inner = d - 2 * t
         A, I = math.pi * (d**2 - inner**2) / 4, math.pi * (d**4 - inner**4) / 64  # noqa: E741
 
-        return cls(A=A, I=I, shear=shear, outline=_circle(d))
+        return cls(A=A, I=I, shear=shear, outline=_circle_outline(d))
 
 
 def _rectangle_torsion(width: float, height: float) -> float:
@@ -136,7 +136,7 @@ def _rectangle_torsion(width: float, height: float) -> float:
     return float(a * b**3 / 3 * (1 - 192 / np.pi**5 * b / a * series))
 
 
-_MODULUS = checked_by(positive, "Pa")
+_MODULUS_CHECK = checked_by(positive, "Pa")
 
 
 @dataclass(frozen=True)
@@ -167,12 +167,12 @@ class Layer(Checked):
         E1/E2.
     """
 
-    E1: float = field(metadata=_MODULUS)
-    E2: float = field(metadata=_MODULUS)
+    E1: float = field(metadata=_MODULUS_CHECK)
+    E2: float = field(metadata=_MODULUS_CHECK)
     nu12: float = field(metadata=checked_by(number))
-    G12: float = field(metadata=_MODULUS)
-    G13: float = field(metadata=_MODULUS)
-    G23: float = field(metadata=_MODULUS)
+    G12: float = field(metadata=_MODULUS_CHECK)
+    G13: float = field(metadata=_MODULUS_CHECK)
+    G23: float = field(metadata=_MODULUS_CHECK)
     rho: float = field(metadata=checked_by(positive, "kg/m³"))
     thickness: float = field(metadata=checked_by(positive, "m"))
     angle: float = field(default=0.0, metadata=checked_by(number, "degrees"))
@@ -272,12 +272,12 @@ class PlateSection:
     @property
     def t2_of_shear(self) -> float:
         """t² (m²) of the isotropic plate that has the same ratio of bending to shear stiffness."""
-        return 20 * _over_angles(self.bending) / float(np.trace(self.S))
+        return 20 * _mean_shear_stiffness(self.bending) / float(np.trace(self.S))
 
     @property
     def t2_of_stretch(self) -> float:
         """t² (m²) of the isotropic plate with this ratio of bending to membrane stiffness."""
-        return 12 * _over_angles(self.bending) / _over_angles(self.A)
+        return 12 * _mean_shear_stiffness(self.bending) / _mean_shear_stiffness(self.A)
 
     def shifted(self, offset: float) -> PlateSection:
         """The section with its middle at z = `offset` (m) instead of 0."""
@@ -310,14 +310,14 @@ class PlateSection:
         return self.I1 != 0 or any(np.abs(M).max() > 1e-9 * size for M, size in changed)
 
 
-def _over_angles(stiffness: Array) -> float:
+def _mean_shear_stiffness(stiffness: Array) -> float:
     """Mean of the shear entry of a plane stiffness (3, 3) over all rotations about the normal."""
     m = stiffness
     return float(m[0, 0] + m[1, 1] - 2 * m[0, 1] + 4 * m[2, 2]) / 8
 
 
 @within_range
-def stacked(layers: Sequence[Layer]) -> PlateSection:
+def section_of_layers(layers: Sequence[Layer]) -> PlateSection:
     """The section of layers from the bottom to the top; z = 0 is in the middle."""
     is_list = isinstance(layers, Sequence) and len(layers) > 0
     if not is_list or not all(isinstance(ply, Layer) for ply in layers):
@@ -326,7 +326,7 @@ def stacked(layers: Sequence[Layer]) -> PlateSection:
             f"top; got {shown(layers)}."
         )
 
-    z, powers, Q = _levels(layers)
+    z, powers, Q = _layer_integrals(layers)
     h = float(sum(layer.thickness for layer in layers))
     A, B, D = np.einsum("pl,lij->pij", powers, Q)
     rho = np.array([layer.rho for layer in layers])
@@ -370,12 +370,12 @@ def shear_stresses(layers: Sequence[Layer], which: int, z: float) -> Array:
 
     `which`: the layer at z.
     """
-    levels, powers, Q = _levels(layers)
+    levels, powers, Q = _layer_integrals(layers)
     A, B, D = np.einsum("pl,lij->pij", powers, Q)
     return _equilibrium(levels, Q, A, B, D)(which, z)
 
 
-def _levels(layers: Sequence[Layer]) -> tuple[Array, Array, Array]:
+def _layer_integrals(layers: Sequence[Layer]) -> tuple[Array, Array, Array]:
     """(z of the layers' bounds (L + 1,), ∫ (1, z, z²) dz (3, L), Q̄ (L, 3, 3)) of L layers."""
     z = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
     z -= z[-1] / 2

@@ -15,7 +15,7 @@ from antiosc.base.checks import checked_by, flag, floats, instance, number, posi
 from antiosc.base.errors import InputError
 from antiosc.fem.elements import Section
 from antiosc.fem.elements.weak_form import (
-    DIRECTION,
+    DIRECTION_CHECK,
     Direction,
     Isotropic,
     Kind,
@@ -28,7 +28,7 @@ from antiosc.fem.elements.weak_form import (
     tangent,
     ufl,
 )
-from antiosc.fem.platform import agreed
+from antiosc.fem.platform import done_on_all
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 #: Shear stiffness of an Euler–Bernoulli beam over EI/L², for the size L of the mesh: the shear
 #: deflection of a member of length l is 3e-10 (L/l)² of its bending deflection.
-RIGID_IN_SHEAR = 1e10
+SHEAR_PENALTY = 1e10
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Beam(Isotropic):
     patch_radius: ClassVar[None] = None
 
     section: Section = field(metadata=checked_by(instance, Section, "a Section"))
-    orientation: Direction | None = field(default=None, metadata=DIRECTION)
+    orientation: Direction | None = field(default=None, metadata=DIRECTION_CHECK)
     offset: float = field(default=0.0, metadata=checked_by(number, "m"))
     shear: bool = field(default=True, metadata=checked_by(flag))
 
@@ -90,7 +90,7 @@ class Beam(Isotropic):
         I, shear = self.section.planes[plane]  # noqa: E741
         if self.shear:
             return self.G * self.section.A * shear
-        return RIGID_IN_SHEAR * self.E * I / size**2
+        return SHEAR_PENALTY * self.E * I / size**2
 
     def rotary_inertia(self, I: float) -> float:  # noqa: E741
         """Rotary inertia per length [kg m] for bending with second moment `I`."""
@@ -110,7 +110,7 @@ class Beam(Isotropic):
             )
         if mesh.gdim == 2 and any(beam.offset for beam, _ in parts):
             raise InputError("offset applies to beams in space: read the mesh with gdim 3.")
-        return on_lines(mesh, parts, order)
+        return line_weak_form(mesh, parts, order)
 
     def dimensions(self, box: Box, materials: Sequence[Beam]) -> Box:
         """(length, width, thickness) of a beam, as if its sections were rectangles with their A and
@@ -124,22 +124,22 @@ class Beam(Isotropic):
         return box[0], max(material.section.A for material in materials) / thickness, thickness
 
 
-def _root(mesh: Mesh, parts: Parts, stiffness: Callable[[Beam], float]) -> Expr:
+def _root_coefficient(mesh: Mesh, parts: Parts, stiffness: Callable[[Beam], float]) -> Expr:
     """√`stiffness(beam)` of each cell's beam, as a cell-wise constant (UFL)."""
     return coefficient(mesh, parts, lambda beam: math.sqrt(stiffness(beam)))
 
 
-def halves(mesh: Mesh, q: Expr) -> tuple[Expr, Expr]:
+def split_motion(mesh: Mesh, q: Expr) -> tuple[Expr, Expr]:
     """(displacement (3,), rotation (3,)) of a motion of beams, or of its slope (UFL)."""
     if mesh.gdim == 2:
         return ufl.as_vector([q[0], q[1], 0]), ufl.as_vector([0, 0, q[2]])
     return ufl.as_vector([q[i] for i in range(3)]), ufl.as_vector([q[i] for i in range(3, 6)])
 
 
-def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> WeakForm:
+def line_weak_form(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> WeakForm:
     """Weak form of beams (order 3 beside cubic triangles); `on_sheet`: they stiffen a shell."""
     names = ("x", "y", "rz") if mesh.gdim == 2 else ("x", "y", "z", "rx", "ry", "rz")
-    space = compat.lagrange(mesh.dolfinx, order, len(names))
+    space = compat.lagrange_space(mesh.dolfinx, order, len(names))
     w = ufl.TrialFunction(space)
     v = ufl.TestFunction(space)
     t, y, z = axes_of_beams(mesh, parts)
@@ -150,21 +150,21 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
 
     size = mesh.extent()
     of_force = [
-        (_root(mesh, parts, lambda b: b.E * b.section.A), t),
-        (_root(mesh, parts, lambda b: b.shear_stiffness(0, size)), y),
-        (_root(mesh, parts, lambda b: b.shear_stiffness(1, size)), z),
+        (_root_coefficient(mesh, parts, lambda b: b.E * b.section.A), t),
+        (_root_coefficient(mesh, parts, lambda b: b.shear_stiffness(0, size)), y),
+        (_root_coefficient(mesh, parts, lambda b: b.shear_stiffness(1, size)), z),
     ]
     of_moment = [
-        (_root(mesh, parts, lambda b: b.G * b.section.torsion), t),
-        (_root(mesh, parts, lambda b: b.E * b.section.side), y),
-        (_root(mesh, parts, lambda b: b.E * b.section.I), z),
+        (_root_coefficient(mesh, parts, lambda b: b.G * b.section.torsion), t),
+        (_root_coefficient(mesh, parts, lambda b: b.E * b.section.side), y),
+        (_root_coefficient(mesh, parts, lambda b: b.E * b.section.I), z),
     ]
     if mesh.gdim == 2:
         of_force, of_moment = of_force[:2], of_moment[2:]
 
     def strains(q: Expr) -> Expr:  # times √stiffness
-        _, rotation = halves(mesh, q)
-        slope_u, slope_turn = halves(mesh, ufl.dot(ufl.grad(q), tangent(mesh)))
+        _, rotation = split_motion(mesh, q)
+        slope_u, slope_turn = split_motion(mesh, ufl.dot(ufl.grad(q), tangent(mesh)))
 
         # Bending stretches a centroid that is off the line, and twist shifts it sideways.
         shift = -offset * ufl.dot(slope_turn, z) * t
@@ -183,8 +183,8 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
         (coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.I)), z),
     ]
 
-    u, rotation = halves(mesh, w)
-    u_v, turn_v = halves(mesh, v)
+    u, rotation = split_motion(mesh, w)
+    u_v, turn_v = split_motion(mesh, v)
     centroid = u + offset * ufl.cross(rotation, y)
     centroid_v = u_v + offset * ufl.cross(turn_v, y)
     motion = rhoA * ufl.dot(centroid, centroid_v)
@@ -199,8 +199,8 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
         mass=[motion * measure(mesh, 2 * order)],
         components={name: (i,) for i, name in enumerate(names)},
         density=rhoA,
-        moment=rhoA * offset * y if any(b.offset for b, _ in parts) else None,
-        twist_shifts=twist_shifts,
+        mass_moment=rhoA * offset * y if any(b.offset for b, _ in parts) else None,
+        twist_moves_centroid=twist_shifts,
         strains=(strains(w), degree),
     )
 
@@ -221,31 +221,31 @@ def axes_of_beams(mesh: Mesh, parts: Parts) -> BeamAxes:
         height = ufl.as_vector([-t[1], t[0], 0])
         return BeamAxes(along, height, ufl.as_vector([0, 0, 1]))
 
-    height = _orientations(mesh, parts)
+    height = _height_coefficient(mesh, parts)
     y = height - ufl.dot(height, t) * t
     y = y / ufl.sqrt(ufl.dot(y, y))
     return BeamAxes(t, y, ufl.cross(t, y))
 
 
-def _orientations(mesh: Mesh, parts: Parts) -> Expr:
+def _height_coefficient(mesh: Mesh, parts: Parts) -> Expr:
     """Height direction of the section in every cell, as a cell-wise constant function."""
     nodes = compat.geometry_nodes(mesh.dolfinx)
     x = mesh.dolfinx.geometry.x
     axis = x[nodes[:, 1]] - x[nodes[:, 0]]
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     middle = x[nodes].mean(axis=1)
-    function = compat.cellwise(mesh.dolfinx, 3)
+    function = compat.cellwise_function(mesh.dolfinx, 3)
     values = function.x.array.reshape(-1, 3)
 
     def work() -> None:
         for beam, cells in parts:
-            values[cells] = heights(beam, axis[cells], middle[cells])
+            values[cells] = height_directions(beam, axis[cells], middle[cells])
 
-    agreed(mesh.comm, work)
+    done_on_all(mesh.comm, work)
     return function
 
 
-def heights(beam: Beam, axis: Array, middle: Array) -> Array:
+def height_directions(beam: Beam, axis: Array, middle: Array) -> Array:
     """Unit height directions (n, 3) of elements with these axes (n, 3) and midpoints (n, 3)."""
     if beam.orientation is None:
         if not beam.section.isotropic:
@@ -300,7 +300,7 @@ class Truss(Isotropic):
             )
         if mesh.order != 1:
             raise InputError("the bars of a Truss are straight; read the mesh with order 1.")
-        space = compat.lagrange(mesh.dolfinx, 1, mesh.gdim)
+        space = compat.lagrange_space(mesh.dolfinx, 1, mesh.gdim)
         w = ufl.TrialFunction(space)
         v = ufl.TestFunction(space)
         t = tangent(mesh)

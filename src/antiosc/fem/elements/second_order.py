@@ -19,15 +19,15 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.elements.beam import Beam, Truss, axes_of_beams, halves
+from antiosc.fem.elements.beam import Beam, Truss, axes_of_beams, split_motion
 from antiosc.fem.elements.shell import Frame, Sheet, frames, section_fields, strains_of
 from antiosc.fem.elements.solid import (
-    VOIGT,
+    VOIGT_PAIRS,
     AnisotropicSolid,
     Solid,
     depth_of,
     isotropic_stress,
-    voigt_in,
+    voigt_stiffness,
     voigt_strain,
 )
 from antiosc.fem.elements.weak_form import Material, Parts, coefficient, tangent
@@ -49,11 +49,11 @@ def solid_eta(a: Expr, b: Expr) -> Expr:
 
 def sheet_eta(frame: Frame, a: Expr, b: Expr) -> Expr:
     """Second-order strain (η11, η22, 2 η12) in a sheet's frame, of motions of six components."""
-    (a1, a2), (b1, b2) = (tangential(frame, motion) for motion in (a, b))
+    (a1, a2), (b1, b2) = (tangential_slopes(frame, motion) for motion in (a, b))
     return ufl.as_vector([ufl.dot(a1, b1), ufl.dot(a2, b2), ufl.dot(a1, b2) + ufl.dot(a2, b1)])
 
 
-def tangential(frame: Frame, motion: Expr) -> tuple[Expr, Expr]:
+def tangential_slopes(frame: Frame, motion: Expr) -> tuple[Expr, Expr]:
     """Derivatives (3,) of the displacement along e1 and along e2."""
     u = ufl.as_vector([motion[i] for i in range(3)])
     slopes = ufl.dot(ufl.grad(u), ufl.transpose(frame.along))
@@ -82,7 +82,7 @@ class SecondOrderStrain(NamedTuple):
             energy -= ufl.inner(self.forces(initial), strain + eta / 2)
         return energy
 
-    def of_stress(self, u: Expr, initial: Expr | None, v: Expr, w: Expr) -> Expr:
+    def geometric_stiffness(self, u: Expr, initial: Expr | None, v: Expr, w: Expr) -> Expr:
         """Density of the geometric stiffness K_σ at u: N : η(v, w)."""
         strain = self.strain(u) + self.eta(u, u) / 2
         if initial is not None:
@@ -90,7 +90,7 @@ class SecondOrderStrain(NamedTuple):
         return ufl.inner(self.forces(strain), self.eta(v, w))
 
 
-def stretch_of(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
+def second_order_strain(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
     """The second-order strain of the family of `parts`, for displacements of degree `order`."""
     material = parts[0][0]
     if material.kind.sheet:
@@ -151,7 +151,7 @@ def _beam_strain(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
     axes = axes_of_beams(mesh, parts)
 
     def slopes(q: Expr) -> tuple[Expr, Expr]:
-        return halves(mesh, ufl.dot(ufl.grad(q), tangent(mesh)))
+        return split_motion(mesh, ufl.dot(ufl.grad(q), tangent(mesh)))
 
     def strain(q: Expr) -> Expr:
         u, rotation = slopes(q)
@@ -182,12 +182,12 @@ def _bar_strain(mesh: Mesh, parts: Parts) -> SecondOrderStrain:
 
 
 #: Distance of nodes from a plane, over the thickness, up to which a sheet is flat.
-FLAT = 1e-3
+FLATNESS = 1e-3
 #: Degree of the quadrature for the share of second-order forces.
 SHARE_DEGREE = 6
 
 
-def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> float:
+def relative_stiffening(part: MeshedStructure, shape: Array, stiffness: float) -> float:
     """Relative change [1/m] of a sheet's secant stiffness per metre of deflection.
 
     It is 0 for a flat sheet without prestress.
@@ -197,7 +197,7 @@ def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> fl
     """
     if is_flat(part) and part.preload is None:
         return 0.0
-    points = _points(part, SHARE_DEGREE)
+    points = _points_by_rule(part, SHARE_DEGREE)
     if part.preload is not None:
         points = points.about(_with_ghosts(part, part.preload.q))
     slopes = points.slopes(_with_ghosts(part, shape))
@@ -214,7 +214,7 @@ def is_flat(part: MeshedStructure) -> bool:
     """Whether all nodes of a part made of sheets lie in one plane."""
     x = part.mesh.dolfinx.geometry.x
     thickness = min(material.section.thickness for material, _ in part.parts)
-    return part.mesh.gdim == 2 or _out_of_plane(part.comm.allgather(x)) <= FLAT * thickness
+    return part.mesh.gdim == 2 or _out_of_plane(part.comm.allgather(x)) <= FLATNESS * thickness
 
 
 def _out_of_plane(points: list[Array]) -> float:
@@ -234,10 +234,10 @@ def _out_of_plane(points: list[Array]) -> float:
 
 #: Degrees of the rules: the quartic energy of cubic triangles and of straight quadratic simplices
 #: exactly, full Gauss rules elsewhere.
-DEGREES = {"triangle": 8, "tetrahedron": 4}
-OTHER_DEGREE = 5  # full Gauss rules
+RULE_DEGREES = {"triangle": 8, "tetrahedron": 4}
+GAUSS_DEGREE = 5  # full Gauss rules
 #: Pairs of directions of the components of η in a plane: 11, 22, 12 + 21.
-IN_PLANE = ((0, 0), (1, 1), (0, 1))
+PLANE_PAIRS = ((0, 0), (1, 1), (0, 1))
 
 
 @dataclass(eq=False)
@@ -322,21 +322,21 @@ def points_of(part: MeshedStructure) -> PartPoints:
     """The Gauss points of a part; InputError for a family without second-order strain."""
     if part.stiffeners:
         raise InputError("stretch does not take a sheet with stiffeners on its edges.")
-    return _points(part, DEGREES.get(part.mesh.cell, OTHER_DEGREE))
+    return _points_by_rule(part, RULE_DEGREES.get(part.mesh.cell, GAUSS_DEGREE))
 
 
-def _points(part: MeshedStructure, degree: int) -> PartPoints:
+def _points_by_rule(part: MeshedStructure, degree: int) -> PartPoints:
     """The points of the quadrature of this degree in the cells of this rank."""
     mesh, space = part.mesh, part.form.space
     X, weights = compat.quadrature(mesh.cell, degree)
-    count = compat.cell_map(mesh.dolfinx).size_local
+    count = compat.cell_index_map(mesh.dolfinx).size_local
     cells = np.repeat(np.arange(count), len(weights))
     _, J = mesh.geometry.at(cells, np.tile(X, (count, 1)))
     area = np.sqrt(np.linalg.det(J.swapaxes(1, 2) @ J))
 
     material = part.parts[0][0]  # all are of one family
     number = part.part_of_cells()[cells]
-    for family, local_of in _FAMILIES:
+    for family, local_of in _FAMILY_OPERATORS:
         if isinstance(material, family):
             local: _FamilyAtPoints = local_of(part, cells, J)
             break
@@ -376,7 +376,7 @@ def _points(part: MeshedStructure, degree: int) -> PartPoints:
     )
 
 
-def _of_sheet(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoints:
+def _sheet_operators(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoints:
     """Operators of sheets, with derivatives along the frame of `frames`; `J`: Jacobians."""
     axis, side = part.axes_and_sides
     n = np.cross(J[:, :, 0], J[:, :, 1])
@@ -400,22 +400,22 @@ def _of_sheet(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoin
     of_points = coupling[part.part_of_cells()[cells]]
     strain = stretch + np.einsum("nst,ntdb->nsdb", of_points, bending)
     return _FamilyAtPoints(
-        np.stack([e1, e2], axis=1), strain, IN_PLANE, lambda sheet: sheet.section.A
+        np.stack([e1, e2], axis=1), strain, PLANE_PAIRS, lambda sheet: sheet.section.A
     )
 
 
-def _of_solid(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoints:
+def _solid_operators(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoints:
     """Operators of solids, with derivatives along x, y, z; `J`: Jacobians of the points."""
     d = part.mesh.gdim
-    pairs = VOIGT if d == 3 else IN_PLANE
+    pairs = VOIGT_PAIRS if d == 3 else PLANE_PAIRS
     strain = np.zeros((1, len(pairs), d, d))
     for s, (i, j) in enumerate(pairs):
         strain[0, s, i, j] = strain[0, s, j, i] = 1.0
     along = np.broadcast_to(np.eye(3)[:d], (len(cells), d, 3))
-    return _FamilyAtPoints(along, strain, pairs, lambda solid: voigt_in(solid, d))
+    return _FamilyAtPoints(along, strain, pairs, lambda solid: voigt_stiffness(solid, d))
 
 
-def _of_beam(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoints:
+def _beam_operators(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoints:
     """Operators of beams without offset, with derivatives along the axis; `J`: Jacobians."""
     if any(beam.offset for beam, _ in part.parts):
         raise InputError("stretch does not take beams with an offset.")
@@ -425,8 +425,8 @@ def _of_beam(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoint
     return _FamilyAtPoints(t[:, None], axial, ((0, 0),), lambda beam: [[beam.E * beam.section.A]])
 
 
-_FAMILIES: tuple[tuple[Any, Callable[..., _FamilyAtPoints]], ...] = (
-    (Sheet, _of_sheet),
-    ((Solid, AnisotropicSolid), _of_solid),
-    (Beam, _of_beam),
+_FAMILY_OPERATORS: tuple[tuple[Any, Callable[..., _FamilyAtPoints]], ...] = (
+    (Sheet, _sheet_operators),
+    ((Solid, AnisotropicSolid), _solid_operators),
+    (Beam, _beam_operators),
 )

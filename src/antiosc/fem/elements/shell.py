@@ -26,9 +26,9 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array, Box
 from antiosc.base.checks import Checked, checked_by, floats, number, positive, store
 from antiosc.base.errors import InputError
-from antiosc.fem.elements import Layer, PlateSection, stacked
+from antiosc.fem.elements import Layer, PlateSection, section_of_layers
 from antiosc.fem.elements.weak_form import (
-    DIRECTION,
+    DIRECTION_CHECK,
     Direction,
     Isotropic,
     Kind,
@@ -132,7 +132,7 @@ def frames(mesh: Mesh, parts: Parts) -> Frame:
     return Frame(e1, e2, n, tangents)
 
 
-def _halves(w: Expr) -> tuple[Expr, Expr]:
+def _split_motion(w: Expr) -> tuple[Expr, Expr]:
     """(displacement (3,), rotation (3,)) of a trial or test function."""
     return ufl.as_vector([w[i] for i in range(3)]), ufl.as_vector([w[i] for i in range(3, 6)])
 
@@ -142,7 +142,7 @@ def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> SurfaceStrains:
     e1 = frame.e1
     e2 = frame.e2
     n = frame.n
-    u, rotation = _halves(w)
+    u, rotation = _split_motion(w)
 
     # columns: the derivatives along e1 and e2
     du = ufl.dot(ufl.grad(u), ufl.transpose(frame.along))
@@ -167,10 +167,12 @@ def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> SurfaceStrains:
     drilling = (gradient[1, 0] - gradient[0, 1]) / 2 - ufl.dot(rotation, n)
     if middle is not None:  # the rotation of the middle surface
         drilling += middle * (curvature[1, 0] - curvature[0, 1]) / 2
-    return SurfaceStrains(_engineering(gradient), _engineering(curvature), shear, drilling)
+    return SurfaceStrains(
+        _engineering_strains(gradient), _engineering_strains(curvature), shear, drilling
+    )
 
 
-def _engineering(e: Expr) -> Expr:
+def _engineering_strains(e: Expr) -> Expr:
     """(e11, e22, e12 + e21) of a tensor (2, 2)."""
     return ufl.as_vector([e[0, 0], e[1, 1], e[0, 1] + e[1, 0]])
 
@@ -197,8 +199,8 @@ def energies(
 
 def inertia(section: SectionFields, frame: Frame, w: Expr, v: Expr) -> Expr:
     """Density of the mass form of a shell: motions u + z θ×n, and drilling rotations θ·n."""
-    u, rotation = _halves(w)
-    u_v, turn_v = _halves(v)
+    u, rotation = _split_motion(w)
+    u_v, turn_v = _split_motion(v)
     motion = section.I0 * ufl.dot(u, u_v) + section.I2 * ufl.dot(rotation, turn_v)
 
     if section.I1 is not None:
@@ -220,14 +222,14 @@ def areas_of(mesh: Mesh) -> Expr:
     if mesh.cell == "quadrilateral":  # the diagonals
         first = x[:, 3] - x[:, 0]
         second = x[:, 2] - x[:, 1]
-    areas = compat.cellwise(mesh.dolfinx)
+    areas = compat.cellwise_function(mesh.dolfinx)
     areas.x.array[:] = np.linalg.norm(np.cross(first, second), axis=1) / 2
     return areas
 
 
 def rise_of(mesh: Mesh) -> Expr:
     """Height [m] of a quadrilateral's middle node over its corners' mean; 0 for order 1."""
-    rise = compat.cellwise(mesh.dolfinx)
+    rise = compat.cellwise_function(mesh.dolfinx)
 
     if mesh.order > 1:
         x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
@@ -254,11 +256,11 @@ def rise_of(mesh: Mesh) -> Expr:
 
 
 #: Exponents of ξ and η.
-CUBIC = ((3, 0), (2, 1), (1, 2), (0, 3))
-QUADRATIC = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # those of lower degree
+CUBIC_POWERS = ((3, 0), (2, 1), (1, 2), (0, 3))
+QUADRATIC_POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # those of lower degree
 
 
-def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
+def dropped_shear(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
     """(1 − R)(θ×n) along two tangents (UFL), which the shear strain omits.
 
     R projects cubics to quadratics with the same moments along edges; n is taken as constant.
@@ -271,14 +273,14 @@ def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
 
     # the sums at each monomial are constants of a flat cell; powers of 3 would be calls in C
     terms: list[dict[tuple[int, int], Expr]] = [{}, {}]
-    for (p, q), fields in zip(CUBIC, _dropped_of_cubics(), strict=True):
+    for (p, q), fields in zip(CUBIC_POWERS, _cubic_remainders(), strict=True):
         directions = [0] * p + [1] * q
         cubic = ufl.as_vector([third[(m, *directions)] for m in range(3, 6)])
         cubic = cubic / (factorial(p) * factorial(q))
         for axis, spread in zip(axes, fields, strict=True):
             size = ufl.dot(ufl.cross(cubic, n), axis)
             for term, factors in zip(terms, spread.tolist(), strict=True):
-                for power, factor in zip((*QUADRATIC, (p, q)), factors, strict=True):
+                for power, factor in zip((*QUADRATIC_POWERS, (p, q)), factors, strict=True):
                     if factor:
                         term[power] = term.get(power, 0) + factor * size
 
@@ -289,18 +291,18 @@ def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
     return ufl.dot(ufl.dot(along, ufl.transpose(inverse)), ufl.as_vector(covariant))
 
 
-def _dropped_of_cubics() -> Array:
+def _cubic_remainders() -> Array:
     """Coefficients (cubic, direction, component, 7) of (1 − R)ξᵖηᑫ in QUADRATIC and the cubic."""
     lattice = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 
     def powers(X: Array, p: int, q: int) -> Array:
         return np.asarray(X[:, 0] ** p * X[:, 1] ** q)
 
-    vandermonde = np.column_stack([powers(lattice, *power) for power in QUADRATIC])
+    vandermonde = np.column_stack([powers(lattice, *power) for power in QUADRATIC_POWERS])
     result = np.zeros((4, 2, 2, 7))
     points = compat.edge_points()
     interpolation = compat.edge_interpolation(lattice)
-    for nth, power in enumerate(CUBIC):
+    for nth, power in enumerate(CUBIC_POWERS):
         for direction in (0, 1):
             values = powers(points, *power)[:, None] * np.eye(2)[direction]
             interpolated = np.einsum("pcbn,nb->pc", interpolation, values)
@@ -313,8 +315,8 @@ def _dropped_of_cubics() -> Array:
 
 #: Quadrilaterals: the fully integrated shares are t²/(t² + 10 h²) of the shear energy and
 #: t²/(t² + 1000 s²) of the membrane energy, s being the rise of a curved cell over its chords.
-FOR_SHEAR = 10.0
-FOR_MEMBRANE = 1000.0
+SHEAR_FACTOR = 10.0
+MEMBRANE_FACTOR = 1000.0
 #: Default radius of a site's patch over the thickness: with it, a plate deforms as a solid without
 #: the half-space deformation under its patch (measured).
 PATCH_RADIUS = 1.0
@@ -347,7 +349,7 @@ class Sheet(Checked):
             raise InputError("Shell elements need the order 2 of Structure, its default.")
         areas = areas_of(mesh)
         triangles = mesh.cell == "triangle"
-        space = compat.lagrange(mesh.dolfinx, 3 if triangles else 2, 6)
+        space = compat.lagrange_space(mesh.dolfinx, 3 if triangles else 2, 6)
         section = section_fields(mesh, parts)
         w = ufl.TrialFunction(space)
         v = ufl.TestFunction(space)
@@ -358,7 +360,7 @@ class Sheet(Checked):
             full = strains_of(frame, motion, section.middle)
             if X is None:
                 return full
-            omitted = dropped(mesh, X, motion, frame.n, frame.along)
+            omitted = dropped_shear(mesh, X, motion, frame.n, frame.along)
             return full._replace(shear=full.shear - omitted)
 
         membrane, shear, bending = energies(section, strains(w), strains(v))
@@ -369,9 +371,9 @@ class Sheet(Checked):
             stiffness = [(membrane + shear + bending) * measure(mesh, 6 + curved)]
             mass = [motion * measure(mesh, 6 + curved)]
         else:
-            for_shear = section.t2_of_shear / (section.t2_of_shear + FOR_SHEAR * areas)
+            for_shear = section.t2_of_shear / (section.t2_of_shear + SHEAR_FACTOR * areas)
             rise2 = rise_of(mesh) ** 2
-            for_membrane = section.t2_of_stretch / (section.t2_of_stretch + FOR_MEMBRANE * rise2)
+            for_membrane = section.t2_of_stretch / (section.t2_of_stretch + MEMBRANE_FACTOR * rise2)
             full = for_membrane * membrane + for_shear * shear + bending
             reduced = (1 - for_membrane) * membrane + (1 - for_shear) * shear
             stiffness = [full * measure(mesh, 5), reduced * measure(mesh, 3)]
@@ -383,7 +385,7 @@ class Sheet(Checked):
             mass=mass,
             components={name: (i,) for i, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))},
             density=section.I0,
-            moment=None if section.I1 is None else section.I1 * frame.n,
+            mass_moment=None if section.I1 is None else section.I1 * frame.n,
         )
 
     def half_space_compliance(self, cosine: float) -> float:
@@ -427,7 +429,7 @@ class Shell(Isotropic, Sheet):
 
     Components: x, y, z (displacements) and rx, ry, rz (rotations). Triangles, plane or curved, are
     cubic and fully integrated; in the shear strain the rotations are replaced by quadratics with
-    the same moments along the edges, so that thin plates do not lock (see `_dropped_of_cubics`).
+    the same moments along the edges, so that thin plates do not lock (see `_cubic_remainders`).
     Quadrilaterals are quadratic. Their shear strain is integrated at 2×2 points, with a share of
     full integration that vanishes with the thickness. The same holds for the membrane strain of
     curved quadrilaterals, which are for smooth surfaces only: use triangles where surfaces or
@@ -437,13 +439,13 @@ class Shell(Isotropic, Sheet):
 
     thickness: float = field(metadata=checked_by(positive, "m"))
     offset: float = field(default=0.0, metadata=checked_by(number, "m"))
-    top: Direction | None = field(default=None, metadata=DIRECTION)
+    top: Direction | None = field(default=None, metadata=DIRECTION_CHECK)
 
     @cached_property
     def section(self) -> PlateSection:
         """Stiffness and mass per area of the surface of the mesh."""
         layer = Layer.isotropic(self.E, self.nu, self.rho, self.thickness)
-        return stacked([layer]).shifted(self.offset)
+        return section_of_layers([layer]).shifted(self.offset)
 
 
 @dataclass(frozen=True)
@@ -476,8 +478,8 @@ class Laminate(Sheet):
     """
 
     layers: Sequence[Layer]
-    axis: Direction = field(default=(1.0, 0.0, 0.0), metadata=DIRECTION)
-    top: Direction | None = field(default=None, metadata=DIRECTION)
+    axis: Direction = field(default=(1.0, 0.0, 0.0), metadata=DIRECTION_CHECK)
+    top: Direction | None = field(default=None, metadata=DIRECTION_CHECK)
     offset: float = field(default=0.0, metadata=checked_by(number, "m"))
 
     def __post_init__(self) -> None:
@@ -489,7 +491,7 @@ class Laminate(Sheet):
     @cached_property
     def section(self) -> PlateSection:
         """Stiffness and mass per area of the surface of the mesh, in the axes (0°, 90°, normal)."""
-        return stacked(self.layers).shifted(self.offset)
+        return section_of_layers(self.layers).shifted(self.offset)
 
     @property
     def thickness(self) -> float:
@@ -502,7 +504,7 @@ class Laminate(Sheet):
         return sqrt(stiffness / sum(layer.rho * layer.thickness for layer in self.layers))
 
 
-def _definite(name: str, value: ArrayLike, size: int) -> Array:
+def _definite_matrix(name: str, value: ArrayLike, size: int) -> Array:
     """`value` as a symmetric, positive definite matrix; otherwise InputError."""
     m = floats(name, value, (size, size))
     symmetric = np.abs(m - m.T).max() <= 1e-9 * np.abs(m).max()
@@ -539,14 +541,14 @@ class GivenSheet(Sheet):
         Stiffnesses that are not symmetric and positive definite.
     """
 
-    A: ArrayLike = field(metadata=checked_by(_definite, 3))
-    D: ArrayLike = field(metadata=checked_by(_definite, 3))
-    S: ArrayLike = field(metadata=checked_by(_definite, 2))
+    A: ArrayLike = field(metadata=checked_by(_definite_matrix, 3))
+    D: ArrayLike = field(metadata=checked_by(_definite_matrix, 3))
+    S: ArrayLike = field(metadata=checked_by(_definite_matrix, 2))
     mass: float = field(metadata=checked_by(positive))
     inertia: float = field(metadata=checked_by(positive))
     thickness: float = field(metadata=checked_by(positive))
-    axis: Direction = field(default=(1.0, 0.0, 0.0), metadata=DIRECTION)
-    top: Direction | None = field(default=None, metadata=DIRECTION)
+    axis: Direction = field(default=(1.0, 0.0, 0.0), metadata=DIRECTION_CHECK)
+    top: Direction | None = field(default=None, metadata=DIRECTION_CHECK)
     offset: float = field(default=0.0, metadata=checked_by(number, "m"))
     B: ArrayLike = field(default=((0.0,) * 3,) * 3, metadata=checked_by(floats, (3, 3)))
 

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from antiosc.fem.mesh import Mesh
 
 #: K is integrated from strains if the ratio of a cell's edges exceeds this
-THIN_CELL = 8.0
+THIN_CELL_RATIO = 8.0
 #: and the ratio of the part's size to its shortest edge exceeds this.
-THIN_PART = 100.0
+THIN_PART_RATIO = 100.0
 #: Up to so many cells the strains take little memory.
 MOST_THIN_CELLS = 1000
 
@@ -152,7 +152,7 @@ def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         if mesh.gdim == 3 and plane is not None:
             raise InputError(f"plane {plane!r} applies to 2-D meshes; {mesh.name} is 3-D.")
 
-    space = compat.lagrange(mesh.dolfinx, order, mesh.gdim)
+    space = compat.lagrange_space(mesh.dolfinx, order, mesh.gdim)
     u = ufl.TrialFunction(space)
     v = ufl.TestFunction(space)
     depth = depth_of(mesh, parts)
@@ -166,7 +166,7 @@ def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
 
     density = depth * coefficient(mesh, parts, lambda s: s.rho)
 
-    for_k, for_m = degrees(mesh, order)
+    for_k, for_m = quadrature_degrees(mesh, order)
     strains = None
     if not directed and _is_thin(mesh):
         root = coefficient(mesh, parts, lambda s: np.linalg.cholesky(s.voigt).T)
@@ -194,7 +194,7 @@ def _is_thin(mesh: Mesh) -> bool:
     lengths = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
     shortest = np.min(mesh.comm.allgather(lengths.min(initial=np.inf)))
     aspect = np.max(mesh.comm.allgather((lengths.max(axis=1) / lengths.min(axis=1)).max(initial=1)))
-    return bool(aspect > THIN_CELL and mesh.extent() > THIN_PART * shortest)
+    return bool(aspect > THIN_CELL_RATIO and mesh.extent() > THIN_PART_RATIO * shortest)
 
 
 def _voigt_strain(u: Expr) -> Expr:
@@ -208,7 +208,7 @@ def voigt_strain(e: Expr) -> Expr:
     return ufl.as_vector([e[0, 0], e[1, 1], e[2, 2], *shear])
 
 
-def voigt_in(material: Any, dim: int) -> Array:
+def voigt_stiffness(material: Any, dim: int) -> Array:
     """Stiffness of a material in Voigt order: (6, 6) [Pa], or (3, 3) [N/m] for `dim` 2.
 
     In the plane it gives forces per width (σ11, σ22, σ12) t.
@@ -230,7 +230,7 @@ def _first_lame(solid: Solid) -> float:
     return solid.E * solid.nu / ((1 + solid.nu) * (1 - 2 * solid.nu))
 
 
-def degrees(mesh: Mesh, order: int) -> tuple[int, int]:
+def quadrature_degrees(mesh: Mesh, order: int) -> tuple[int, int]:
     """Quadrature degrees for K and M: exact on straight simplices, full Gauss rules otherwise."""
     if mesh.cell in ("quadrilateral", "hexahedron"):
         return 2 * order + 1, 2 * order + 1
@@ -240,9 +240,9 @@ def degrees(mesh: Mesh, order: int) -> tuple[int, int]:
 
 
 #: Index pairs of a stress or an engineering strain: 11, 22, 33, 23, 13, 12.
-VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+VOIGT_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 #: Largest asymmetry of a stiffness matrix, relative to its largest entry.
-SYMMETRY = 1e-9
+LARGEST_ASYMMETRY = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,7 +277,7 @@ class AnisotropicSolid(FieldsRepr):
 
     def __post_init__(self) -> None:
         C = floats("stiffness", self.stiffness, (6, 6))
-        if np.abs(C - C.T).max() > SYMMETRY * np.abs(C).max():
+        if np.abs(C - C.T).max() > LARGEST_ASYMMETRY * np.abs(C).max():
             raise InputError("stiffness must be symmetric.")
         smallest_eigenvalue = float(np.linalg.eigvalsh((C + C.T) / 2).min())
         if not smallest_eigenvalue > 1e-12 * float(np.abs(C).max()):
@@ -287,7 +287,7 @@ class AnisotropicSolid(FieldsRepr):
             )
 
         store(self, stiffness=read_only((C + C.T) / 2), rho=positive("rho", self.rho, "kg/m³"))
-        store(self, axes=read_only(_axes(self.axes)))
+        store(self, axes=read_only(_checked_axes(self.axes)))
 
     @classmethod
     @within_range
@@ -328,12 +328,12 @@ class AnisotropicSolid(FieldsRepr):
         """The stiffness matrix (6, 6) in the axes of the mesh, Pa."""
         C = np.asarray(self.stiffness)
         number = np.zeros((3, 3), dtype=int)
-        for k, (i, j) in enumerate(VOIGT):
+        for k, (i, j) in enumerate(VOIGT_PAIRS):
             number[i, j] = number[j, i] = k
         full = C[number[:, :, None, None], number[None, None]]
         R = np.asarray(self.axes)  # rows: the material's directions
         rotated = np.einsum("ia,jb,kc,ld,ijkl->abcd", R, R, R, R, full, optimize=True)
-        i, j = np.array(VOIGT).T
+        i, j = np.array(VOIGT_PAIRS).T
         return np.asarray(rotated[i[:, None], j[:, None], i[None], j[None]])
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
@@ -366,7 +366,7 @@ class AnisotropicSolid(FieldsRepr):
         )
 
 
-def _axes(axes: ArrayLike | None) -> Array:
+def _checked_axes(axes: ArrayLike | None) -> Array:
     """The material axes as orthonormal rows."""
     if axes is None:
         return np.eye(3)

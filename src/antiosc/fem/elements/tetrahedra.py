@@ -23,24 +23,24 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
 from antiosc.engine import library
-from antiosc.fem.elements.solid import Solid, degrees, weak_form_of
+from antiosc.fem.elements.solid import Solid, quadrature_degrees, weak_form_of
 from antiosc.fem.elements.weak_form import Parts, WeakForm
-from antiosc.fem.linalg.petsc_algebra import empty, multiply
-from antiosc.fem.linalg.solver import CURVED, TETRAHEDRA, Products
+from antiosc.fem.linalg.petsc_algebra import empty_matrix, multiply
+from antiosc.fem.linalg.solver import CURVED_PRODUCTS, STRAIGHT_PRODUCTS, ProductCost
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 
 NO_DOFS = np.zeros(0, dtype=np.int32)
 #: Least number of dofs for products cell by cell.
-FEWEST_DOFS = 20_000
+LEAST_CELLWISE_DOFS = 20_000
 #: `AFE_BEYOND` of the C library: numbers behind a vector that a kernel may read
-BEYOND = 5
+VECTOR_PADDING = 5
 #: `AFE_LANES` and `AFE_POINT_DATA` of the C library
-LANES, POINT = 8, 11
+SIMD_LANES, POINT_DATA_SIZE = 8, 11
 #: For each node of a cell in dolfinx's order: the corner, or the two corners it lies between.
-ENDS = ((0,), (1,), (2,), (3,), (2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))
+NODE_CORNERS = ((0,), (1,), (2,), (3,), (2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))
 #: A quadrature rule: shape functions (points, 10), their gradients (points, 10, 3), weights.
-Rule = tuple[Array, Array, Array]
+QuadratureRule = tuple[Array, Array, Array]
 
 
 class Cells(ABC):
@@ -57,7 +57,7 @@ class Cells(ABC):
 
     def __init__(self, nodes: IntArray) -> None:
         self.nodes = nodes
-        self._in_lanes = in_lanes(nodes.astype(np.int32))
+        self._in_lanes = padded_lanes(nodes.astype(np.int32))
         self._arguments: dict[np.dtype[Any], tuple[Structure, list[Array]]] = {}
 
     @abstractmethod
@@ -82,7 +82,7 @@ class Cells(ABC):
             self._arguments[u.dtype] = argument, arrays
 
         precision = "float" if u.dtype == np.float32 else "double"
-        product = getattr(functions, f"{self.function}_{precision}")
+        product = getattr(kernels, f"{self.function}_{precision}")
         argument, _ = self._arguments[u.dtype]
         product(byref(argument), k, m, library.address(u), library.address(out))
 
@@ -108,14 +108,14 @@ class StraightCells(Cells):
         # x = x0 + Σ λ_i (x_i - x_0): the gradients are the columns of the inverse
         gradients = np.linalg.inv(edges).transpose(0, 2, 1).reshape(len(x), 9)
         scaled = constants * volume[:, None] / [20, 20, 420]
-        self._data = in_lanes(np.hstack([gradients, scaled]))
+        self._data = padded_lanes(np.hstack([gradients, scaled]))
 
     @property
     def _arrays(self) -> Sequence[Array]:
         return [self._data]
 
     def _argument(self, nodes: int, arrays: Sequence[int]) -> Structure:
-        return Tetra(len(self._in_lanes), nodes, *arrays)
+        return CTetra(len(self._in_lanes), nodes, *arrays)
 
     def blocks(self, k: float, m: float) -> Array:
         data = self._data.transpose(0, 2, 1).reshape(-1, self._data.shape[1])[: len(self.nodes)]
@@ -125,8 +125,8 @@ class StraightCells(Cells):
         shear = 20 * k * data[:, 10, None, None]
         density = m * data[:, 11]
 
-        result = np.empty((len(data), len(ENDS), 3, 3))
-        for node, ends in enumerate(ENDS):
+        result = np.empty((len(data), len(NODE_CORNERS), 3, 3))
+        for node, ends in enumerate(NODE_CORNERS):
             squares = _mean_gradient_products(slopes, ends)
             inertia = (6 if len(ends) == 1 else 32) * density
             result[:, node] = _diagonal_blocks(lame * squares, shear * squares, inertia)
@@ -150,7 +150,12 @@ class CurvedCells(Cells):
     function = "afe_curved_product"
 
     def __init__(
-        self, nodes: IntArray, x: Array, constants: Array, for_k: Rule, for_m: Rule
+        self,
+        nodes: IntArray,
+        x: Array,
+        constants: Array,
+        for_k: QuadratureRule,
+        for_m: QuadratureRule,
     ) -> None:
         super().__init__(nodes)
         _, self._gradients, weights = for_k
@@ -162,11 +167,11 @@ class CurvedCells(Cells):
         volumes = weights * np.abs(np.linalg.det(J))
         scaled = volumes[:, :, None] * constants[:, None, :2]
         points = np.concatenate([np.linalg.inv(J).reshape(*volumes.shape, 9), scaled], axis=2)
-        self._points = in_lanes(points.reshape(len(x), -1))
+        self._points = padded_lanes(points.reshape(len(x), -1))
 
         J = np.einsum("cni,qna->cqia", x, gradients, optimize=True)
         volumes = mass_weights * np.abs(np.linalg.det(J))
-        self._masses = in_lanes(volumes * constants[:, 2:])
+        self._masses = padded_lanes(volumes * constants[:, 2:])
 
     @property
     def _arrays(self) -> Sequence[Array]:
@@ -174,16 +179,18 @@ class CurvedCells(Cells):
 
     def _argument(self, nodes: int, arrays: Sequence[int]) -> Structure:
         counts = len(self._gradients), len(self._values)
-        return Curved(len(self._in_lanes), nodes, *counts, *arrays)
+        return CCurved(len(self._in_lanes), nodes, *counts, *arrays)
 
     def blocks(self, k: float, m: float) -> Array:
         count = len(self.nodes)
-        points = self._points.transpose(0, 2, 1).reshape(-1, len(self._gradients), POINT)[:count]
+        points = self._points.transpose(0, 2, 1).reshape(-1, len(self._gradients), POINT_DATA_SIZE)[
+            :count
+        ]
         masses = self._masses.transpose(0, 2, 1).reshape(-1, len(self._values))[:count]
         inverse = points[:, :, :9].reshape(count, -1, 3, 3)
 
-        result = np.empty((count, len(ENDS), 3, 3))
-        for node in range(len(ENDS)):
+        result = np.empty((count, len(NODE_CORNERS), 3, 3))
+        for node in range(len(NODE_CORNERS)):
             slopes = np.einsum("qa,cqai->cqi", self._gradients[:, node], inverse)
             lame, shear = (
                 k * (constant[:, :, None] * slopes).transpose(0, 2, 1) @ slopes
@@ -212,7 +219,7 @@ def _diagonal_blocks(lame: Array, shear: Array, inertia: Array) -> Array:
 def _mean_gradient_products(slopes: Array, ends: Sequence[int]) -> Array:
     """Mean (n, 3, 3) of grad N ⊗ grad N in a cell: its integral divided by the volume.
 
-    `slopes` (n, 4, 3): gradients of the barycentric coordinates; `ends`: of `ENDS`.
+    `slopes` (n, 4, 3): gradients of the barycentric coordinates; `ends`: of `NODE_CORNERS`.
     """
     g = slopes[:, ends[0]]
     if len(ends) == 1:
@@ -226,7 +233,7 @@ def _mean_gradient_products(slopes: Array, ends: Sequence[int]) -> Array:
     )
 
 
-def constants(parts: Parts, count: int) -> Array:
+def material_constants(parts: Parts, count: int) -> Array:
     """(λ [Pa], μ [Pa], ρ [kg/m³]) (count, 3) of the first `count` cells of this rank."""
     result = np.empty((count, 3))
     for material, cells in parts:
@@ -236,21 +243,23 @@ def constants(parts: Parts, count: int) -> Array:
     return result
 
 
-def in_lanes(values: Array) -> Array:
+def padded_lanes(values: Array) -> Array:
     """Values of cells (n, k) padded with zeros, as (groups, k, lanes) for SIMD."""
-    groups = -(-len(values) // LANES)
-    full = np.zeros((groups * LANES, values.shape[1]), values.dtype)
+    groups = -(-len(values) // SIMD_LANES)
+    full = np.zeros((groups * SIMD_LANES, values.shape[1]), values.dtype)
     full[: len(values)] = values
-    return np.ascontiguousarray(full.reshape(groups, LANES, values.shape[1]).transpose(0, 2, 1))
+    return np.ascontiguousarray(
+        full.reshape(groups, SIMD_LANES, values.shape[1]).transpose(0, 2, 1)
+    )
 
 
-class Tetra(Structure):
+class CTetra(Structure):
     """The C structure `afe_tetra`."""
 
     _fields_ = [("n_groups", c_int64), ("nodes", c_void_p), ("data", c_void_p)]
 
 
-class Curved(Structure):
+class CCurved(Structure):
     """The C structure `afe_curved`."""
 
     _fields_ = [
@@ -261,21 +270,21 @@ class Curved(Structure):
 
 
 #: The functions of the library, which `antiosc.engine.library` has checked.
-functions = ctypes.CDLL(str(library.FILE))
+kernels = ctypes.CDLL(str(library.FILE))
 
 for _cells in (StraightCells, CurvedCells):
     for _precision, _real in (("double", c_double), ("float", c_float)):
-        _function = getattr(functions, f"{_cells.function}_{_precision}")
+        _function = getattr(kernels, f"{_cells.function}_{_precision}")
         _function.restype = None
         _function.argtypes = c_void_p, _real, _real, c_void_p, c_void_p
 
 
-def cell_by_cell(
+def cellwise_products(
     mesh: Mesh, form: WeakForm, parts: Parts, conditions: Mapping[tuple[int, ...], IntArray]
 ) -> Tetrahedra | None:
     """`Tetrahedra` of a large part of quadratic isotropic tetrahedra; None for other parts."""
     imap = form.space.dofmap.index_map
-    is_large = imap.size_global * form.space.dofmap.index_map_bs >= FEWEST_DOFS
+    is_large = imap.size_global * form.space.dofmap.index_map_bs >= LEAST_CELLWISE_DOFS
     tetrahedra = mesh.cell == "tetrahedron" and mesh.order <= 2
     isotropic = all(isinstance(material, Solid) for material, _ in parts)
     if not (is_large and tetrahedra and isotropic) or form.degree != 2 or form.strains is not None:
@@ -314,21 +323,21 @@ class Tetrahedra:
         self._held = self._fixed[self._fixed < self.rows]
 
         #: matrices added to K and M at points, and whether they have entries
-        self.added = empty(self.rows, self.comm), empty(self.rows, self.comm)
+        self.added = empty_matrix(self.rows, self.comm), empty_matrix(self.rows, self.comm)
         self.carries = False
-        self._kinds = _kinds_of(mesh, form, parts)
+        self._kinds = _cells_by_kind(mesh, form, parts)
 
     @cached_property
-    def products(self) -> Products:
+    def products(self) -> ProductCost:
         """Cost of products for forecasts, by the share of curved cells."""
         of_rank = sum(len(cells.nodes) for cells in self._kinds[1:])
         curved = self.comm.allreduce(of_rank) / self._mesh.n_cells
 
         return replace(
-            TETRAHEDRA,
-            bytes=TETRAHEDRA.bytes + curved * CURVED.bytes,
-            aggregated=TETRAHEDRA.aggregated + curved * CURVED.aggregated,
-            seconds=TETRAHEDRA.seconds + curved * CURVED.seconds,
+            STRAIGHT_PRODUCTS,
+            bytes=STRAIGHT_PRODUCTS.bytes + curved * CURVED_PRODUCTS.bytes,
+            aggregated=STRAIGHT_PRODUCTS.aggregated + curved * CURVED_PRODUCTS.aggregated,
+            seconds=STRAIGHT_PRODUCTS.seconds + curved * CURVED_PRODUCTS.seconds,
         )
 
     def _node_blocks(self, k: float, m: float) -> Array:
@@ -356,10 +365,10 @@ class Tetrahedra:
 
     def _of_vector(self, x: Array, k: float, m: float) -> Array:
         """(k K + m M) x for one vector."""
-        u = np.empty(self._dofs + BEYOND, x.dtype)[: self._dofs]
+        u = np.empty(self._dofs + VECTOR_PADDING, x.dtype)[: self._dofs]
         u[: self.rows] = x
         u[self._held] = 0.0
-        product = np.zeros(self._dofs + BEYOND, x.dtype)[: self._dofs]
+        product = np.zeros(self._dofs + VECTOR_PADDING, x.dtype)[: self._dofs]
         self._exchange.fetch(u)
         for cells in self._kinds:
             cells.add(k, m, u, product)
@@ -432,19 +441,19 @@ class Tetrahedra:
         return total
 
 
-def _kinds_of(mesh: Mesh, form: WeakForm, parts: Parts) -> list[Cells]:
+def _cells_by_kind(mesh: Mesh, form: WeakForm, parts: Parts) -> list[Cells]:
     """The straight cells of this rank and, on a mesh of order 2, the curved ones."""
-    count = compat.cell_map(mesh.dolfinx).size_local
+    count = compat.cell_index_map(mesh.dolfinx).size_local
     x = mesh.geometry.nodes[:count]
     nodes = compat.cell_dofs(form.space, (0,), np.arange(count)) // 3
-    materials = constants(parts, count)
+    materials = material_constants(parts, count)
     is_straight = mesh.geometry.straight[:count]
     kinds: list[Cells] = [StraightCells(nodes[is_straight], x[is_straight], materials[is_straight])]
     if is_straight.all():
         return kinds
 
     rules = []
-    for degree in degrees(mesh, 2):
+    for degree in quadrature_degrees(mesh, 2):
         X, weights = compat.quadrature(mesh.cell, degree)
         values_at = compat.tabulate(form.space, (0,), X)
         gradients = compat.tabulate_slopes(form.space, (0,), X)

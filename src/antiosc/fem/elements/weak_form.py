@@ -35,7 +35,7 @@ from antiosc.base.checks import (
     shown,
 )
 from antiosc.base.errors import InputError, finite_element_packages
-from antiosc.fem.platform import agreed, on_root
+from antiosc.fem.platform import done_on_all, on_root
 
 if TYPE_CHECKING:
     from dolfinx import fem
@@ -49,7 +49,7 @@ Direction = Sequence[float] | Callable[[Array], Array]
 #: Sine of the least angle between `axis` and the normal, and between `top` and the sheet.
 LEAST_SINE = 0.05
 #: dolfinx's numbers of the corners of a cell, in order around it.
-CORNERS_IN_TURN = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
+CORNERS_AROUND = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
 
 
 class _LazyModule:
@@ -72,7 +72,7 @@ else:
     compat = _LazyModule("antiosc.fem.platform.compat")
 
 
-def checked(name: str, direction: object) -> Direction:
+def checked_direction(name: str, direction: object) -> Direction:
     """`direction` if it is a non-zero vector or a function; otherwise InputError."""
     if callable(direction):
         return direction  # type: ignore[no-any-return]
@@ -81,15 +81,15 @@ def checked(name: str, direction: object) -> Direction:
     return tuple(vector.tolist())
 
 
-DIRECTION = checked_by(checked)
+DIRECTION_CHECK = checked_by(checked_direction)
 
 
 def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function]:
     """(0° direction in the sheet, ±1: side of the normal on which the top is) of each cell."""
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
     normals = _normals(mesh, x)
-    axes = compat.cellwise(mesh.dolfinx, 3)
-    sides = compat.cellwise(mesh.dolfinx)
+    axes = compat.cellwise_function(mesh.dolfinx, 3)
+    sides = compat.cellwise_function(mesh.dolfinx)
     axis = axes.x.array.reshape(-1, 3)
     side = sides.x.array
     axis[:] = x[:, 1] - x[:, 0]
@@ -110,7 +110,7 @@ def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function
                 _refuse_parallel(cosine * side[cells, None], x[cells], "top lies along the sheet")
             has_sides[cells] = material.section.has_sides and material.top is None
 
-    agreed(mesh.comm, work)
+    done_on_all(mesh.comm, work)
     if any(material.section.has_sides for material, _ in parts):
         _check_neighbours(mesh, x, side, has_sides)
     return axes, sides
@@ -157,8 +157,8 @@ def _check_neighbours(mesh: Mesh, x: Array, side: Array, has_sides: BoolArray) -
 
     It concerns unsymmetric stacks without a top, `has_sides`.
     """
-    owned = compat.cell_map(mesh.dolfinx).size_local
-    in_turn = CORNERS_IN_TURN[mesh.cell]
+    owned = compat.cell_index_map(mesh.dolfinx).size_local
+    in_turn = CORNERS_AROUND[mesh.cell]
     number = np.asarray(mesh.dolfinx.geometry.input_global_indices)
     corners = number[compat.geometry_nodes(mesh.dolfinx)[:owned][:, in_turn]]
     ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
@@ -202,9 +202,9 @@ class WeakForm:
     density: Expr
     #: mass moment per unit of cell measure about the mesh (UFL vector: kg/m along the normal of a
     #: sheet, kg along the height of a beam), where the mass does not lie on it
-    moment: Expr | None = None
+    mass_moment: Expr | None = None
     #: whether twist moves the centroids of beams, which lie off the line of the mesh
-    twist_shifts: bool = False
+    twist_moves_centroid: bool = False
     #: strains of the trial function times √stiffness (UFL vector), and the quadrature degree with
     #: which their squares give K; None if the entries of K alone are accurate enough
     strains: tuple[Expr, int] | None = None
@@ -222,10 +222,10 @@ class WeakForm:
     def momentum(self, direction: Sequence[float] | Expr) -> Expr:
         """Momentum density along `direction` (UFL), with the test function as the velocity."""
         linear = self.density * self.along(direction)
-        if self.moment is None:
+        if self.mass_moment is None:
             return linear
         # (θ × m)·d
-        return linear + self._contracted(("rx", "ry", "rz"), ufl.cross(self.moment, direction))
+        return linear + self._contracted(("rx", "ry", "rz"), ufl.cross(self.mass_moment, direction))
 
     def _contracted(self, names: Sequence[str], vector: Sequence[float] | Expr) -> Expr:
         """Σ vector[i] × the test function's component names[i] (UFL)."""
@@ -396,7 +396,7 @@ def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Material], float | Ar
         return compat.constant(mesh.dolfinx, value(parts[0][0]))
     shape = np.shape(value(parts[0][0]))
     size = int(np.prod(shape, dtype=int))
-    function = compat.cellwise(mesh.dolfinx, size if shape else 0)
+    function = compat.cellwise_function(mesh.dolfinx, size if shape else 0)
     values = function.x.array.reshape(-1, size)
     for material, cells in parts:
         values[cells] = np.ravel(value(material))
@@ -407,11 +407,11 @@ def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Material], float | Ar
     return ufl.as_matrix([[function[columns * i + j] for j in range(columns)] for i in range(rows)])
 
 
-def restricted(forms: Sequence[ufl.Form], mesh: Mesh, cells: IntArray) -> list[ufl.Form]:
+def restricted_forms(forms: Sequence[ufl.Form], mesh: Mesh, cells: IntArray) -> list[ufl.Form]:
     """The forms restricted to some cells of this rank."""
     from dolfinx.mesh import meshtags
 
-    own = np.unique(cells[cells < compat.cell_map(mesh.dolfinx).size_local]).astype(np.int32)
+    own = np.unique(cells[cells < compat.cell_index_map(mesh.dolfinx).size_local]).astype(np.int32)
     tags = meshtags(mesh.dolfinx, mesh.tdim, own, np.ones_like(own))
 
     def integrals(form: ufl.Form) -> list[ufl.Integral]:

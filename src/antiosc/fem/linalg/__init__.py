@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from antiosc.base._types import Array, Matrix, SolverChoice
-from antiosc.fem.linalg.algebra import by_scipy
+from antiosc.fem.linalg.algebra import is_scipy
 from antiosc.fem.linalg.solver import Solver, SuperLU
 
 
@@ -13,16 +13,16 @@ def solver_for(
     A: Matrix,
     choice: SolverChoice,
     motions: Callable[[], Array],
-    coarser: Callable[[], Matrix | None] = lambda: None,
+    prolongation: Callable[[], Matrix | None] = lambda: None,
     columns: float = 1.0,
 ) -> Solver:
     """The solver of A named by `choice`.
 
-    `motions`, `coarser`: as in `Levels`, for multigrid; `columns`: number of loads in one call,
-    where inf requires a direct factor.
+    `motions`, `prolongation`: as in `Levels`, for multigrid; `columns`: number of loads in one
+    call, where inf requires a direct factor.
     """
-    if by_scipy(A):
+    if is_scipy(A):
         return SuperLU(A)
     from antiosc.fem.linalg import iterative, solver_choice  # need PETSc
 
-    return solver_choice.solver_for(A, choice, iterative.Levels(motions, coarser), columns)
+    return solver_choice.solver_for(A, choice, iterative.Levels(motions, prolongation), columns)

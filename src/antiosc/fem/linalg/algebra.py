@@ -31,7 +31,7 @@ def norm(comm: MPI.Comm, x: Array) -> float:
     return float(np.sqrt(dot(comm, x, x)))
 
 
-def by_scipy(matrix: Matrix) -> bool:
+def is_scipy(matrix: Matrix) -> bool:
     """Whether the matrix is a SciPy matrix."""
     return bool(scipy.sparse.issparse(matrix))
 
@@ -44,17 +44,17 @@ def _petsc() -> ModuleType:
 
 def communicator(matrix: Matrix) -> MPI.Comm:
     """The communicator that shares the matrix; `SERIAL` for a SciPy matrix."""
-    return cast("MPI.Comm", SERIAL if by_scipy(matrix) else matrix.getComm().tompi4py())
+    return cast("MPI.Comm", SERIAL if is_scipy(matrix) else matrix.getComm().tompi4py())
 
 
 def size(matrix: Matrix) -> int:
     """Number of rows on all ranks."""
-    return int(matrix.shape[0] if by_scipy(matrix) else matrix.getSize()[0])
+    return int(matrix.shape[0] if is_scipy(matrix) else matrix.getSize()[0])
 
 
 def row_range(matrix: Matrix) -> tuple[int, int]:
     """First and last + 1 row of this rank."""
-    first, last = (0, matrix.shape[0]) if by_scipy(matrix) else matrix.getOwnershipRange()
+    first, last = (0, matrix.shape[0]) if is_scipy(matrix) else matrix.getOwnershipRange()
     return int(first), int(last)
 
 
@@ -66,12 +66,12 @@ def rows(matrix: Matrix) -> int:
 
 def diagonal(matrix: Matrix) -> Array:
     """The diagonal entries on the rows of this rank."""
-    return np.array(matrix.diagonal() if by_scipy(matrix) else matrix.getDiagonal().array_r)
+    return np.array(matrix.diagonal() if is_scipy(matrix) else matrix.getDiagonal().array_r)
 
 
 def entries(matrix: Matrix) -> tuple[IntArray, IntArray, Array]:
     """The rows of this rank as CSR arrays: pointers, global columns, values."""
-    if by_scipy(matrix):
+    if is_scipy(matrix):
         return matrix.indptr, matrix.indices, matrix.data
     pointers, columns, values = _petsc().with_entries(matrix).getValuesCSR()
     return pointers, columns, values
@@ -79,17 +79,20 @@ def entries(matrix: Matrix) -> tuple[IntArray, IntArray, Array]:
 
 def multiply(matrix: Matrix, x: Array) -> Array:
     """matrix · x for a vector or a block of vectors."""
-    return np.asarray(matrix @ x if by_scipy(matrix) else _petsc().multiply(matrix, x))
+    return np.asarray(matrix @ x if is_scipy(matrix) else _petsc().multiply(matrix, x))
 
 
-def by_strains(matrix: Matrix) -> bool:
-    """Whether the matrix is multiplied through its strains (`solver_choice`)."""
-    return not by_scipy(matrix) and bool(_petsc().by_strains(matrix))
+def uses_strains(matrix: Matrix) -> bool:
+    """Whether products with the matrix K are computed as Sᵀ(S x) + rest, not from its entries.
+
+    The matrix S gives the strains of a motion x; see `solver_choice`.
+    """
+    return not is_scipy(matrix) and bool(_petsc().uses_strains(matrix))
 
 
 def sum_of(K: Matrix, shift: float, M: Matrix) -> Matrix:
     """K + shift·M; K itself where the shift is zero."""
-    if by_scipy(K):
+    if is_scipy(K):
         if shift == 0.0:
             return K
         return (K + shift * M).tocsr()
@@ -98,18 +101,18 @@ def sum_of(K: Matrix, shift: float, M: Matrix) -> Matrix:
 
 def skew(matrix: Matrix) -> Matrix:
     """matrixᵀ - matrix."""
-    if by_scipy(matrix):
+    if is_scipy(matrix):
         return (matrix.T - matrix).tocsr()
     return _petsc().skew(matrix)
 
 
-def hold(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
+def fix_rows(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
     """The matrix with these rows and columns set to zero and `value` on the diagonal.
 
     `rows` are global numbers of rows of this rank. A PETSc matrix is changed in place.
     """
-    if not by_scipy(matrix):
-        return _petsc().hold(matrix, rows, value)
+    if not is_scipy(matrix):
+        return _petsc().fix_rows(matrix, rows, value)
 
     free = np.ones(matrix.shape[0])
     constrained = np.zeros(matrix.shape[0])
@@ -123,20 +126,20 @@ def hold(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
 
 def gathered(matrix: Matrix, root: int) -> scipy.sparse.csr_matrix | None:
     """The whole matrix as a SciPy matrix on rank `root`; None elsewhere."""
-    if by_scipy(matrix):
+    if is_scipy(matrix):
         return matrix
     return _petsc().gathered(matrix, root)
 
 
 def free_when_dropped(*matrices: Matrix) -> None:
     """Free the memory of PETSc matrices once no rank uses them. Collective."""
-    if not by_scipy(matrices[0]):
+    if not is_scipy(matrices[0]):
         _petsc().free_when_dropped(*matrices)
 
 
 def declare_definite(matrix: Matrix) -> None:
     """Mark the matrix for PETSc as symmetric and positive definite."""
-    if not by_scipy(matrix):
+    if not is_scipy(matrix):
         _petsc().declare_definite(matrix)
 
 
@@ -188,7 +191,7 @@ def norms(comm: MPI.Comm, X: Array) -> Array:
     return np.sqrt(np.asarray(comm.allreduce(np.einsum("ij,ij->j", X, X))))
 
 
-def roots(matrix: Matrix) -> Array:
+def diagonal_roots(matrix: Matrix) -> Array:
     """√a_ii of the rows of this rank; rows with a zero diagonal get the median of the others."""
     result = np.sqrt(np.maximum(diagonal(matrix), 0.0))
     comm = communicator(matrix)
@@ -201,19 +204,19 @@ def roots(matrix: Matrix) -> Array:
 def force_ratios(matrix: Matrix, X: Array, product: Array) -> Array:
     """‖A x/√D‖ / ‖√D x‖ of columns x (k,), 1e-16 for null vectors; `product` is A X."""
     comm = communicator(matrix)
-    root = roots(matrix)[:, None]
+    root = diagonal_roots(matrix)[:, None]
     return norms(comm, product / root) / norms(comm, root * X)
 
 
-def softness(matrix: Matrix, X: Array, product: Array) -> Array:
+def energy_ratios(matrix: Matrix, X: Array, product: Array) -> Array:
     """xᵀA x / xᵀD x of columns x (k,), ±1e-16 for a null vector, whatever its small errors."""
     comm = communicator(matrix)
-    root = roots(matrix)[:, None]
+    root = diagonal_roots(matrix)[:, None]
     energy = np.asarray(comm.allreduce(np.einsum("ij,ij->j", X, product)))
     return np.asarray(energy / norms(comm, root * X) ** 2)
 
 
-def frequency(K: Matrix, M: Matrix) -> float:
+def typical_eigenvalue(K: Matrix, M: Matrix) -> float:
     """A typical ω² [rad²/s²], below the highest: the median of K_ii/M_ii over dofs with mass."""
     k, m = (diagonal(matrix) for matrix in (K, M))
     ratios = communicator(K).allgather(k[m > 0] / m[m > 0])

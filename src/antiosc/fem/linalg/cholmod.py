@@ -38,16 +38,16 @@ from antiosc.base.process import MEMORY_REMEDY, allocation_failed, blas_threads,
 #: Bytes for `cholmod_common`, of which the library uses less than a tenth.
 COMMON_BYTES = 1 << 16
 #: CHOLMOD's numbers: 64-bit integers, real numbers, the upper triangle, A x = b, supernodal only.
-LONG = 2
-REAL = 1
-UPPER = 1
+LONG_INTEGERS = 2
+REAL_NUMBERS = 1
+UPPER_TRIANGLE = 1
 SUPERNODAL = 2
 #: The ordering that is given.
-GIVEN = 1
+GIVEN_ORDERING = 1
 #: `Common.status` where there was no memory.
-NO_MEMORY = -2
+OUT_OF_MEMORY = -2
 #: What `openblas_get_parallel` returns where OpenBLAS itself runs on OpenMP.
-ON_OPENMP = 2
+OPENMP_PARALLEL = 2
 
 
 class _Method(ctypes.Structure):
@@ -151,9 +151,9 @@ def version(lib: ctypes.CDLL) -> str:
     return ".".join(map(str, numbers))
 
 
-def failure(common: Common, what: str, size: float | None = None) -> AntioscError:
+def call_error(common: Common, what: str, size: float | None = None) -> AntioscError:
     """The error for a failed CHOLMOD call in the step `what`, which needs `size` bytes."""
-    if common.status == NO_MEMORY:
+    if common.status == OUT_OF_MEMORY:
         need = "" if size is None else f" of {size / 1e9:.3g} GB"
         return allocation_failed(
             f"{what}{need}", remedy=f"use the solver 'iterative', {MEMORY_REMEDY[4:]}"
@@ -170,9 +170,9 @@ def without_openmp() -> Iterator[None]:
     of the time of a factorization on two cores was lost. BLAS keeps its threads, unless it is built
     on OpenMP.
     """
-    openmp, blas = _loaded("libgomp.so.1"), _loaded("libopenblas.so.0")
+    openmp, blas = _loaded_library("libgomp.so.1"), _loaded_library("libopenblas.so.0")
     levels = 0
-    if openmp and blas and blas.openblas_get_parallel() != ON_OPENMP:
+    if openmp and blas and blas.openblas_get_parallel() != OPENMP_PARALLEL:
         levels = openmp.omp_get_max_active_levels()
 
     if openmp is None or not levels:  # of 0, another thread has set it, and puts it back
@@ -187,7 +187,7 @@ def without_openmp() -> Iterator[None]:
 
 
 @cache
-def _loaded(name: str) -> ctypes.CDLL | None:
+def _loaded_library(name: str) -> ctypes.CDLL | None:
     """A library that this process has already loaded, or None."""
     try:
         return ctypes.CDLL(name, mode=os.RTLD_NOW | getattr(os, "RTLD_NOLOAD", 0))
@@ -196,7 +196,7 @@ def _loaded(name: str) -> ctypes.CDLL | None:
 
 
 #: of `cholmod_l_solve2`: A x = b
-SOLVE = 0
+SYSTEM_A = 0
 
 
 class NotPositiveDefiniteError(NotConvergedError):
@@ -272,7 +272,7 @@ class Cholesky:
         """Symbolic factor for a given permutation, or by the better of AMD and METIS."""
         common = self._memory.common
         common.nmethods = int(permutation is not None)
-        common.method[0].ordering = GIVEN
+        common.method[0].ordering = GIVEN_ORDERING
         pointer = None
         if permutation is not None:
             ordering = np.ascontiguousarray(permutation, dtype=np.int64)
@@ -281,7 +281,7 @@ class Cholesky:
         analyse = self._memory.lib.cholmod_l_analyze_p
         factor = analyse(byref(matrix), pointer, None, 0, byref(common))
         if not factor:
-            raise failure(common, f"the ordering of {matrix.nrow} rows")
+            raise call_error(common, f"the ordering of {matrix.nrow} rows")
         return factor
 
     @property
@@ -311,7 +311,7 @@ class Cholesky:
         factor = memory.factor.contents
         if not succeeded or not factor.is_super or not factor.x:
             what = f"the Cholesky factor of {factor.n} rows"
-            raise failure(common, what, 8.0 * factor.xsize)
+            raise call_error(common, what, 8.0 * factor.xsize)
         if factor.minor < factor.n:
             raise NotPositiveDefiniteError(
                 f"column {factor.minor} of {factor.n} is not positive definite"
@@ -327,18 +327,18 @@ class Cholesky:
             return np.empty(B.shape, order="F")
         rows = len(B)
         columns = B.size // len(B)
-        right = Dense(rows, columns, B.size, rows, B.ctypes.data, None, REAL, 0)
+        right = Dense(rows, columns, B.size, rows, B.ctypes.data, None, REAL_NUMBERS, 0)
         memory = self._memory
         x, *work = memory.work
 
         with without_openmp(), one_thread():
             succeeded = memory.lib.cholmod_l_solve2(
-                *(SOLVE, memory.factor, byref(right), None, byref(x), None),
+                *(SYSTEM_A, memory.factor, byref(right), None, byref(x), None),
                 *(*map(byref, work), byref(memory.common)),
             )
 
         if not succeeded:
-            raise failure(memory.common, f"a solve for {columns} vectors of {rows} rows")
+            raise call_error(memory.common, f"a solve for {columns} vectors of {rows} rows")
         X = memory.array(ctypes.cast(x, POINTER(Dense)).contents.x, B.size, c_double)
         return np.array(X.reshape(B.shape, order="F"), order="F")
 
@@ -366,7 +366,9 @@ def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, Sequence[Array]]:
         A = A.sorted_indices()
     arrays = A.indptr.astype(np.int64), A.indices.astype(np.int64), np.ascontiguousarray(A.data)
     p, i, x = (part.ctypes.data for part in arrays)
-    return Sparse(*A.shape, A.nnz, p, i, None, x, None, UPPER, LONG, REAL, 0, 1, 1), arrays
+    return Sparse(
+        *A.shape, A.nnz, p, i, None, x, None, UPPER_TRIANGLE, LONG_INTEGERS, REAL_NUMBERS, 0, 1, 1
+    ), arrays
 
 
 @cache

@@ -40,13 +40,13 @@ from antiosc.base.process import allocation_failed
 from antiosc.fem.linalg.algebra import diagonal
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS_KEY,
-    by_cells,
-    free,
     multiply,
+    register_for_release,
+    release_dropped,
     set_type_at_exit,
-    watch,
+    uses_cells,
 )
-from antiosc.fem.linalg.solver import SINGULAR, Solver
+from antiosc.fem.linalg.solver import SINGULAR_MESSAGE, Solver
 
 #: PETSC_ERR_MEM
 PETSC_NO_MEMORY = 55
@@ -56,12 +56,13 @@ PETSC_NO_MEMORY = 55
 WEAK_COUPLING = 0.02
 #: Relative error of an iterative solve, and the most iterations for it. It takes 9 iterations to
 #: 1e-6 and 11 to 1e-7; Z between the first antiresonances then misses 2e-6 or 2e-7.
-ITERATION_RESIDUAL, ITERATIONS = 1e-7, 2000
+ITERATION_RESIDUAL, MOST_ITERATIONS = 1e-7, 2000
 #: The same for the solves of an eigenproblem, whose shapes have an error of the size of theirs.
 MODE_RESIDUAL = 1e-11
 #: Message for more.
-TOO_MANY = (
-    f"{ITERATIONS} conjugate gradients did not reach a relative error of {ITERATION_RESIDUAL:.0e}: "
+TOO_MANY_ITERATIONS = (
+    f"{MOST_ITERATIONS} conjugate gradients did not reach a relative error of "
+    f"{ITERATION_RESIDUAL:.0e}: "
     "thin and nearly incompressible parts need too many; take the solver 'direct'."
 )
 #: Largest backward error of a checked solve.
@@ -73,12 +74,12 @@ class Levels:
     """Functions that give the data of a part for a multigrid.
 
     motions : its rigid-body motions (rows of this rank, r).
-    coarser : the interpolation P from the coarse dofs to the fine ones, with zero rows for fixed
-        dofs; None if no coarse space is known.
+    prolongation : the interpolation P from the coarse dofs to the fine ones, with zero rows for
+        fixed dofs; None if no coarse space is known.
     """
 
     motions: Callable[[], Array]
-    coarser: Callable[[], PETSc.Mat | None] = lambda: None
+    prolongation: Callable[[], PETSc.Mat | None] = lambda: None
 
 
 class PetscSolver(Solver):
@@ -86,7 +87,7 @@ class PetscSolver(Solver):
 
     def _set_up(self) -> None:
         self._ksp = PETSc.KSP().create(self.A.getComm())
-        watch(self._ksp)
+        register_for_release(self._ksp)
         self._ksp.setOperators(self.A)
         self._ksp.setOptionsPrefix(f"antiosc_{id(self)}_")
 
@@ -96,7 +97,7 @@ class PetscSolver(Solver):
         except PETSc.Error as error:
             if error.ierr == PETSC_NO_MEMORY:
                 raise allocation_failed(f"the solver of {self.A.getSize()[0]} dofs") from error
-            raise NotConvergedError(SINGULAR.format(f"PETSc error {error.ierr}")) from error
+            raise NotConvergedError(SINGULAR_MESSAGE.format(f"PETSc error {error.ierr}")) from error
 
         self._b, self._x = self.A.createVecs()
 
@@ -108,9 +109,9 @@ class PetscSolver(Solver):
         self._ksp.solve(r, x)
         reason = self._ksp.getConvergedReason()
         if reason == PETSc.KSP.ConvergedReason.DIVERGED_MAX_IT:
-            raise NotConvergedError(TOO_MANY)
+            raise NotConvergedError(TOO_MANY_ITERATIONS)
         if reason < 0:
-            raise NotConvergedError(SINGULAR.format(f"PETSc reason {reason}"))
+            raise NotConvergedError(SINGULAR_MESSAGE.format(f"PETSc reason {reason}"))
 
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k), one by one."""
@@ -145,13 +146,13 @@ class Multigrid(PetscSolver):
         self._ksp.setType(PETSc.KSP.Type.CG)
         self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
         self._ksp.setComputeEigenvalues(True)
-        self._ksp.setTolerances(rtol=ITERATION_RESIDUAL, max_it=ITERATIONS)
+        self._ksp.setTolerances(rtol=ITERATION_RESIDUAL, max_it=MOST_ITERATIONS)
         self._precondition(self._ksp.getPC())
 
     def _precondition(self, pc: PETSc.PC) -> None:
-        aggregate(pc)
+        set_aggregation(pc)
 
-    def trial(self, most: int) -> int:
+    def trial_iterations(self, most: int) -> int:
         """Iterations of a solve for a random load; NotConvergedError above `most`.
 
         The load on fixed dofs, which have 1 on the diagonal, is negligible.
@@ -185,7 +186,7 @@ class Multigrid(PetscSolver):
             self.error = max(self.error, self._ksp.rtol * float(np.sqrt(condition)))
 
 
-def aggregate(pc: PETSc.PC) -> None:
+def set_aggregation(pc: PETSc.PC) -> None:
     """Set a preconditioner, which has its own options prefix, to smoothed aggregation."""
     options = PETSc.Options(pc.getOptionsPrefix())
     options["pc_gamg_threshold"] = WEAK_COUPLING
@@ -213,18 +214,18 @@ def set_near_null_space(A: PETSc.Mat, motions: Array) -> None:
 #: Rows of the coarse level up to which it is factored, on one rank and on several, where a solve by
 #: the factor takes longer: of 340 000 dofs, with 45 000 coarse ones, 0.84 s on two ranks, with
 #: aggregation 0.33 s.
-MOST_FACTORED, MOST_OVER_RANKS = 150_000, 20_000
+MOST_FACTORED_ROWS, MOST_ROWS_OVER_RANKS = 150_000, 20_000
 #: Steps of Chebyshev's iteration before the coarse level and after it, where that is factored, and
 #: where its cycle leaves most of the error (2.25 million dofs: 4.7 s a solve in place of 6.0); the
 #: share of the largest eigenvalue down to which it acts.
-STEPS, STEPS_AGGREGATED, LOWEST = 2, 1, 0.1
+CHEBYSHEV_STEPS, AGGREGATED_STEPS, LOWEST_SMOOTHED = 2, 1, 0.1
 #: Steps of the power method for that eigenvalue, and the factor on what they give.
-POWERS, BEYOND = 15, 1.1
+POWER_STEPS, EIGENVALUE_MARGIN = 15, 1.1
 
 
-def is_factored(P: PETSc.Mat) -> bool:
+def factors_coarse_level(P: PETSc.Mat) -> bool:
     """Whether the coarse level of an interpolation P is small enough to be factored."""
-    most = MOST_FACTORED if P.getComm().getSize() == 1 else MOST_OVER_RANKS
+    most = MOST_FACTORED_ROWS if P.getComm().getSize() == 1 else MOST_ROWS_OVER_RANKS
     return bool(P.getSize()[1] <= most)
 
 
@@ -234,7 +235,7 @@ class TwoLevels(Multigrid):
     Parameters
     ----------
     motions : gives the rigid-body motions (rows of this rank, r)
-    coarser : P of `Levels`
+    prolongation : P of `Levels`
     inverse : gives A⁻¹ of a matrix as a function of vectors
     coarse : PᵀAP, if it is known
     """
@@ -246,25 +247,25 @@ class TwoLevels(Multigrid):
         self,
         A: PETSc.Mat,
         motions: Callable[[], Array],
-        coarser: PETSc.Mat,
+        prolongation: PETSc.Mat,
         inverse: Callable[[PETSc.Mat], Callable[[Array], Array]],
         coarse: PETSc.Mat | None = None,
     ) -> None:
-        self._P, self._motions, self._inverse, self._known = coarser, motions, inverse, coarse
+        self._P, self._motions, self._inverse, self._known = prolongation, motions, inverse, coarse
         super().__init__(A)
 
     def _precondition(self, pc: PETSc.PC) -> None:
-        coarse = coarse_of(self.A, self._P) if self._known is None else self._known
+        coarse = coarse_matrix(self.A, self._P) if self._known is None else self._known
         self._known = None
 
-        if is_factored(self._P):
-            solve, steps = self._inverse(coarse), STEPS
+        if factors_coarse_level(self._P):
+            solve, steps = self._inverse(coarse), CHEBYSHEV_STEPS
         else:
             set_near_null_space(coarse, at_vertices(self._P, self._motions()))
-            solve, steps = Aggregation(coarse), STEPS_AGGREGATED
+            solve, steps = Aggregation(coarse), AGGREGATED_STEPS
 
         del coarse, self._inverse  # an analysis in it became the factor in double precision
-        free(self.A.getComm().tompi4py())
+        release_dropped(self.A.getComm().tompi4py())
         self._cycle = pc  # what becomes another type stays as long as the solver
         self._cycle.setType(PETSc.PC.Type.PYTHON)
         self._cycle.setPythonContext(Cycle(self.A, self._P, solve, steps))
@@ -287,17 +288,20 @@ class Cycle:
         self._A, self._P, self._coarse, self._steps = A, P, coarse, steps
         self._comm = A.getComm().tompi4py()
         self._load, self._fine = P.createVecs()
-        self._real: Any = np.float32 if by_cells(A) else np.float64
+        self._real: Any = np.float32 if uses_cells(A) else np.float64
         self._inverse = inverse_blocks(A).astype(self._real)
-        largest = BEYOND * self._largest()
-        self._middle, self._half = (1 + LOWEST) / 2 * largest, (1 - LOWEST) / 2 * largest
+        largest = EIGENVALUE_MARGIN * self._largest()
+        self._middle, self._half = (
+            (1 + LOWEST_SMOOTHED) / 2 * largest,
+            (1 - LOWEST_SMOOTHED) / 2 * largest,
+        )
 
     def _largest(self) -> float:
         """Estimate of the largest eigenvalue of D⁻¹A, D the diagonal blocks."""
         x = np.random.default_rng(0).standard_normal(self._inverse.shape[0])
         size = 1.0
         x = x.astype(self._real)
-        for _ in range(POWERS):
+        for _ in range(POWER_STEPS):
             x = self._inverse @ multiply(self._A, x / self._real(size))
             size = float(np.sqrt(self._comm.allreduce(float(x @ x))))
 
@@ -345,10 +349,10 @@ class Aggregation:
 
     def __init__(self, A: PETSc.Mat) -> None:
         self._pc = PETSc.PC().create(A.getComm())
-        watch(self._pc)
+        register_for_release(self._pc)
         self._pc.setOptionsPrefix(f"antiosc_{id(self)}_")
         self._pc.setOperators(A)
-        aggregate(self._pc)
+        set_aggregation(self._pc)
         self._pc.setUp()
         self._b, self._x = A.createVecs()
 
@@ -363,7 +367,7 @@ def inverse_blocks(A: PETSc.Mat) -> scipy.sparse.bsr_matrix:
     """D⁻¹ on the rows of this rank, D the diagonal blocks of the nodes of A."""
     size = A.getBlockSize()
 
-    if by_cells(A):
+    if uses_cells(A):
         product = A.getAttr(CELLS_KEY)
         blocks = product.cells.blocks(product.k, product.m).reshape(-1, size, size)
         blocks = np.linalg.inv(blocks)
@@ -375,17 +379,17 @@ def inverse_blocks(A: PETSc.Mat) -> scipy.sparse.bsr_matrix:
 
 
 #: Entry of a row of P from which on its node is one of the coarse nodes.
-VERTEX = 0.99
+VERTEX_WEIGHT = 0.99
 #: Sum of entries of P from which on a coarse dof moves fixed ones: more than rounding.
-TOUCHED = 0.01
+FIXED_WEIGHT = 0.01
 
 
-def vertices(P: PETSc.Mat) -> BoolArray:
+def vertex_mask(P: PETSc.Mat) -> BoolArray:
     """Mask of the rows of P on this rank that belong to nodes of the coarse mesh."""
     pointers, _, values = P.getValuesCSR()
     rows = np.repeat(np.arange(len(pointers) - 1), np.diff(pointers))
     result = np.zeros(len(pointers) - 1, dtype=bool)
-    result[rows[values > VERTEX]] = True
+    result[rows[values > VERTEX_WEIGHT]] = True
     return result
 
 
@@ -394,7 +398,7 @@ def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
     coarse, fine = P.createVecs()
     result = np.empty((coarse.getLocalSize(), motions.shape[1]))
 
-    vertex_rows = vertices(P)
+    vertex_rows = vertex_mask(P)
     for k, column in enumerate(motions.T):
         fine.setArray(np.where(vertex_rows, column, 0.0))
         P.multTranspose(fine, coarse)
@@ -411,17 +415,17 @@ def without_fixed(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
     coarse, fine = P.createVecs()
     fine.setArray(np.where(fixed, 1.0, 0.0))
     P.multTranspose(fine, coarse)
-    coarse.setArray(np.where(coarse.array_r > TOUCHED, 0.0, 1.0))
+    coarse.setArray(np.where(coarse.array_r > FIXED_WEIGHT, 0.0, 1.0))
     fine.setArray(np.where(fixed, 0.0, 1.0))
     P.diagonalScale(fine, coarse)
     return P
 
 
-def coarse_of(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
+def coarse_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
     """The coarse matrix PᵀAP, with 1 on the diagonal where a column of P is empty."""
     product = A.getAttr(CELLS_KEY)
-    coarse = product.cells.coarse(product.k, product.m, P) if by_cells(A) else A.ptap(P)
-    watch(coarse)
+    coarse = product.cells.coarse(product.k, product.m, P) if uses_cells(A) else A.ptap(P)
+    register_for_release(coarse)
     coarse.setBlockSize(P.getBlockSizes()[1])
     sums, ones = P.createVecs()
     ones.set(1.0)

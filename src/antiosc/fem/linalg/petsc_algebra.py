@@ -14,10 +14,10 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.platform import alike
+from antiosc.fem.platform import same_ranks
 
 #: Vectors from which a product of matrices is faster than one by one.
-BLOCK_PRODUCT_FROM = 4
+LEAST_BLOCK_COLUMNS = 4
 #: PETSc attribute of a matrix: a product that is more accurate than its entries give (callable).
 PRODUCT_KEY = "antiosc_product"
 #: PETSc attribute of a matrix: its `CellProduct`.
@@ -66,7 +66,7 @@ class CellProduct:
 DOFS_OF_NODE = 3
 
 
-def of_cells(cells: Cells, k: float, m: float) -> PETSc.Mat:
+def cell_matrix(cells: Cells, k: float, m: float) -> PETSc.Mat:
     """kK + mM as a PETSc matrix of type python."""
     product = CellProduct(cells, k, m)
     rows = (cells.rows, None)
@@ -76,28 +76,28 @@ def of_cells(cells: Cells, k: float, m: float) -> PETSc.Mat:
     result.setPythonContext(product)
     result.setUp()
     result.setAttr(CELLS_KEY, product)
-    watch(result)
+    register_for_release(result)
     set_type_at_exit(result, PETSc.Mat.Type.AIJ)
     return result
 
 
 def with_entries(matrix: PETSc.Mat) -> PETSc.Mat:
     """The matrix with stored entries: itself, or assembled if it is multiplied cell by cell."""
-    if not by_cells(matrix):
+    if not uses_cells(matrix):
         return matrix
     product = matrix.getAttr(CELLS_KEY)
     result = product.cells.entries(product.k, product.m)
     vars(product).setdefault("diagonal", np.array(result.getDiagonal().array_r))
-    watch(result)
+    register_for_release(result)
     return result
 
 
-def empty(rows: int, comm: MPI.Comm) -> PETSc.Mat:
+def empty_matrix(rows: int, comm: MPI.Comm) -> PETSc.Mat:
     """A square PETSc matrix without entries, to which entries can be added; `rows` on this rank."""
     result = PETSc.Mat().createAIJ(((rows, None), (rows, None)), nnz=0, comm=comm)
     result.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
     result.assemble()
-    watch(result)
+    register_for_release(result)
     return result
 
 
@@ -116,7 +116,7 @@ def from_csr(name: str, matrix: scipy.sparse.csr_matrix) -> PETSc.Mat:
     return result
 
 
-def copied(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
+def copied_matrix(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
     """A copy of any PETSc matrix with accessible entries."""
     if not matrix:
         raise InputError(f"{name} is an empty PETSc matrix, or one that was destroyed.")
@@ -150,7 +150,7 @@ def skew(matrix: PETSc.Mat) -> PETSc.Mat:
     return result
 
 
-def hold(matrix: PETSc.Mat, rows: IntArray, value: float) -> PETSc.Mat:
+def fix_rows(matrix: PETSc.Mat, rows: IntArray, value: float) -> PETSc.Mat:
     """The matrix, changed in place: these rows and columns zero, `value` on the diagonal.
 
     `rows` are global numbers of rows of this rank; products are then those of the entries.
@@ -165,11 +165,11 @@ def multiply(matrix: PETSc.Mat, x: Array) -> Array:
     accurate = matrix.getAttr(PRODUCT_KEY)
     if accurate is not None:
         return np.asarray(accurate(x))
-    if by_cells(matrix):
+    if uses_cells(matrix):
         return np.asarray(matrix.getAttr(CELLS_KEY)(x))
 
-    if x.ndim == 2 and x.shape[1] >= BLOCK_PRODUCT_FROM:
-        block = dense(matrix, x)
+    if x.ndim == 2 and x.shape[1] >= LEAST_BLOCK_COLUMNS:
+        block = dense_block(matrix, x)
         product = matrix.matMult(block)
         result = np.array(product.getDenseArray())
         product.destroy()
@@ -191,17 +191,17 @@ def multiply(matrix: PETSc.Mat, x: Array) -> Array:
     return result
 
 
-def by_strains(matrix: PETSc.Mat) -> bool:
+def uses_strains(matrix: PETSc.Mat) -> bool:
     """Whether the matrix is multiplied through its strains (`solver_choice`)."""
     return matrix.getAttr(PRODUCT_KEY) is not None
 
 
-def by_cells(matrix: PETSc.Mat) -> bool:
+def uses_cells(matrix: PETSc.Mat) -> bool:
     """Whether the matrix is multiplied cell by cell (`CellProduct`)."""
     return matrix.getAttr(CELLS_KEY) is not None
 
 
-def dense(matrix: PETSc.Mat, x: Array) -> PETSc.Mat:
+def dense_block(matrix: PETSc.Mat, x: Array) -> PETSc.Mat:
     """A block of vectors (rows of this rank, k) as a dense PETSc matrix that fits `matrix`."""
     size = ((x.shape[0], matrix.getSize()[1]), (None, x.shape[1]))
     block = PETSc.Mat().createDense(size, array=np.asfortranarray(x), comm=matrix.getComm())
@@ -216,7 +216,7 @@ def csr(matrix: PETSc.Mat) -> scipy.sparse.csr_matrix:
     return scipy.sparse.csr_matrix((values, indices, pointers), shape=matrix.getSize())
 
 
-def lower(A: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
+def lower_triangle(A: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
     """The lower triangle with the diagonal, which needs half of the memory."""
     rows = np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
     is_lower = A.indices <= rows
@@ -252,8 +252,8 @@ def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:
     """K + shift·M; K itself where the shift is zero."""
     if shift == 0.0:
         return K
-    if by_cells(K) and by_cells(M):
-        return of_cells(K.getAttr(CELLS_KEY).cells, 1.0, shift)
+    if uses_cells(K) and uses_cells(M):
+        return cell_matrix(K.getAttr(CELLS_KEY).cells, 1.0, shift)
 
     A = with_entries(K).copy()
     pattern = PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN
@@ -267,9 +267,9 @@ def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:
 
 def free_when_dropped(*matrices: PETSc.Mat) -> None:
     """Free the memory of the matrices once no rank uses them. Collective."""
-    free(matrices[0].getComm().tompi4py())
+    release_dropped(matrices[0].getComm().tompi4py())
     for matrix in matrices:
-        watch(matrix)
+        register_for_release(matrix)
 
 
 # -- The memory of PETSc's objects that Python has dropped.
@@ -284,39 +284,39 @@ def free_when_dropped(*matrices: PETSc.Mat) -> None:
 _shared: list[tuple[weakref.ref[PETSc.Object], PETSc.IS]] = []
 
 
-def watch(handle: PETSc.Object) -> None:
-    """Register a PETSc object, so that its memory is freed after its last use (see `free`)."""
+def register_for_release(handle: PETSc.Object) -> None:
+    """Register a PETSc object, so that `release_dropped` frees its memory after its last use."""
     holder = PETSc.IS().createGeneral([], comm=handle.getComm())
     if holder.getComm().getSize() == 1:
-        weakref.finalize(handle, _free, holder).atexit = False
+        weakref.finalize(handle, _release, holder).atexit = False
     else:
         _shared.append((weakref.ref(handle), holder))
 
 
-def free(comm: MPI.Comm) -> None:
+def release_dropped(comm: MPI.Comm) -> None:
     """Free the objects that all ranks of `comm` have dropped. Collective."""
     if comm.size == 1:
         return
-    entries = [entry for entry in _shared if alike(entry[1].getComm().tompi4py(), comm)]
+    entries = [entry for entry in _shared if same_ranks(entry[1].getComm().tompi4py(), comm)]
     is_dropped = comm.allgather([reference() is None for reference, _ in entries])
     for entry, *everywhere in zip(entries, *is_dropped, strict=True):
         if all(everywhere):
             _shared.remove(entry)
-            _free(entry[1])
+            _release(entry[1])
 
 
 def set_type_at_exit(handle: PETSc.Mat | PETSc.PC, type_name: str) -> None:
     """Change the type of a PETSc object of type python at exit, as PETSc ends after Python."""
-    weakref.finalize(handle, _become, weakref.ref(handle), type_name)
+    weakref.finalize(handle, _set_type, weakref.ref(handle), type_name)
 
 
-def _become(handle: weakref.ref[PETSc.Mat | PETSc.PC], type_name: str) -> None:
+def _set_type(handle: weakref.ref[PETSc.Mat | PETSc.PC], type_name: str) -> None:
     alive = handle()
     if alive is not None:
         alive.setType(type_name)
 
 
-def _free(holder: PETSc.IS) -> None:
+def _release(holder: PETSc.IS) -> None:
     if PETSc.Sys.isInitialized() and not PETSc.Sys.isFinalized():
         PETSc.garbage_cleanup(holder.getComm())
         holder.destroy()

@@ -28,18 +28,18 @@ from antiosc.base.errors import AccuracyError, NotConvergedError
 from antiosc.base.process import one_thread
 from antiosc.base.texts import plain
 from antiosc.fem.linalg import algebra
-from antiosc.fem.linalg.algebra import multiply, norms, roots
+from antiosc.fem.linalg.algebra import diagonal_roots, multiply, norms
 
 #: Solves in turn that a model of twenty anti-oscillators needs.
 SOLVES_OF_MODEL = 22
 #: Bytes per entry of a factor, and of the matrices and work arrays beside it.
-FACTOR_BYTES = 8 * 1.3
+FACTOR_ENTRY_BYTES = 8 * 1.3
 #: Bytes of two levels for each entry of the coarse factor, which may need double precision.
-COARSE_BYTES = 10.0
+COARSE_ENTRY_BYTES = 10.0
 #: Seconds of a factor for each of its entries, and for entries^1.5, by which operations grow.
-ASSEMBLED, FACTORED = 2.2e-8, 3.5e-12
+FACTOR_ENTRY_SECONDS, FACTOR_WORK_SECONDS = 2.2e-8, 3.5e-12
 #: Seconds of a solve for each entry; k right-hand sides at once take k^0.4 times as long.
-SUBSTITUTED, AT_ONCE = 1e-9, 0.4
+SOLVE_ENTRY_SECONDS, BLOCK_SOLVE_EXPONENT = 1e-9, 0.4
 #: Seconds of an iteration of two levels for each entry of the factor of the coarse level.
 COARSE_SECONDS = 0.5e-9
 #: Fewest iterations of a solve by two levels: compact blocks of hexahedra take 8, tetrahedra 10.
@@ -47,7 +47,7 @@ FEWEST_ITERATIONS = 8
 #: Largest ‖A‖‖x‖/‖Ax‖: rounding makes a mechanism as stiff as 1e-16 of the stiffest motion.
 SOLUTION_GROWTH = 1e14
 #: Message for a matrix without a Cholesky factor.
-SINGULAR = (
+SINGULAR_MESSAGE = (
     "the stiffness matrix cannot be factored ({}): some part can move freely, for instance at a "
     "hinge, a single common point or line (join it along a face, or support it), or a part is too "
     "slender for double precision (use fewer elements)."
@@ -57,7 +57,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Products:
+class ProductCost:
     """Cost of a two-level solver per entry of A, stored or not, in bytes and seconds.
 
     row : entries in a row of A.
@@ -74,17 +74,17 @@ class Products:
 
 
 #: From the entries; their number is that of A.
-ENTRIES = Products(math.nan, 6.0, 20.0, 8e-9)
+STORED_PRODUCTS = ProductCost(math.nan, 6.0, 20.0, 8e-9)
 #: From straight isotropic tetrahedra (by aggregation a trace at 2.25 million dofs).
-TETRAHEDRA = Products(80.0, 4.5, 8.0, 1.1e-9)
+STRAIGHT_PRODUCTS = ProductCost(80.0, 4.5, 8.0, 1.1e-9)
 #: What curved ones add to that: their kernel takes 157 and 220 ns a cell in single and double
 #: precision, that of straight ones 29 and 38; they have 2 kB a cell.
-CURVED = Products(80.0, 5.5, 5.5, 2e-9)
+CURVED_PRODUCTS = ProductCost(80.0, 5.5, 5.5, 2e-9)
 #: Entries of a factor of quadratic elements over those of linear ones on the same cells: 12 to 19
 #: from plates to compact blocks of tetrahedra, 43 000 to 340 000 dofs; 10 to 13 of hexahedra.
 QUADRATIC_OVER_LINEAR = 15.0
 #: Seconds of the set-up of two levels for each entry, beside the factor of the coarse level.
-SET_UP = 4e-8
+SET_UP_SECONDS = 4e-8
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def cost_of_factor(entries: float, columns: float) -> Cost:
 
     `columns`: right-hand sides solved for at once.
     """
-    return Cost(FACTOR_BYTES * entries, seconds_of_factor(entries, columns))
+    return Cost(FACTOR_ENTRY_BYTES * entries, seconds_of_factor(entries, columns))
 
 
 def seconds_of_factor(entries: float, columns: float) -> float:
@@ -112,21 +112,24 @@ def seconds_of_factor(entries: float, columns: float) -> float:
 
     `columns`: right-hand sides solved for at once.
     """
-    return _factored(entries) + SOLVES_OF_MODEL * SUBSTITUTED * entries * columns**AT_ONCE
+    return (
+        _factor_seconds(entries)
+        + SOLVES_OF_MODEL * SOLVE_ENTRY_SECONDS * entries * columns**BLOCK_SOLVE_EXPONENT
+    )
 
 
 def seconds_of_steps(entries: float, steps: int) -> float:
     """Time [s] of a factor with this number of entries and of `steps` single solves."""
-    return _factored(entries) + steps * SUBSTITUTED * entries
+    return _factor_seconds(entries) + steps * SOLVE_ENTRY_SECONDS * entries
 
 
-def _factored(entries: float) -> float:
-    return ASSEMBLED * entries + FACTORED * entries**1.5
+def _factor_seconds(entries: float) -> float:
+    return FACTOR_ENTRY_SECONDS * entries + FACTOR_WORK_SECONDS * entries**1.5
 
 
 #: (c, p): the factor of a structure of shells has some c dofs^p entries. A bottle of 12 000 to
 #: 198 000 dofs has c = 52 to 54.
-FILL = 53.0, 1.15
+SHELL_FILL = 53.0, 1.15
 #: Bytes for each dof and anti-oscillator: the bottle took 6 GB with 792 000 dofs.
 SHAPE_BYTES = 16.0
 #: Bytes for each dof of a structure of shells: K, M and their assembly. A printed carriage of
@@ -136,8 +139,8 @@ SHELL_BYTES = 2700.0
 
 def bytes_of_shells(dofs: float, n: int) -> float:
     """Memory [bytes] of factor and shapes of a model of shells with `n` anti-oscillators."""
-    coefficient, power = FILL
-    return FACTOR_BYTES * coefficient * dofs**power + SHAPE_BYTES * n * dofs
+    coefficient, power = SHELL_FILL
+    return FACTOR_ENTRY_BYTES * coefficient * dofs**power + SHAPE_BYTES * n * dofs
 
 
 @dataclass(frozen=True)
@@ -150,7 +153,7 @@ class LevelSizes:
     """
 
     stored: float
-    products: Products
+    products: ProductCost
     factor: float = 0.0
 
     @property
@@ -163,12 +166,12 @@ class LevelSizes:
         """Bytes of the levels and work arrays, without A."""
         if not self.factor:
             return self.products.aggregated * self.stored
-        return self.products.bytes * self.stored + COARSE_BYTES * self.coarse
+        return self.products.bytes * self.stored + COARSE_ENTRY_BYTES * self.coarse
 
     @property
     def set_up(self) -> float:
         """Seconds of the set-up of the levels."""
-        return SET_UP * self.stored + _factored(self.coarse)
+        return SET_UP_SECONDS * self.stored + _factor_seconds(self.coarse)
 
     @property
     def iteration(self) -> float:
@@ -233,17 +236,19 @@ class Solver(ABC):
         """A⁻¹r (a vector or a block); raises an error if its residual shows that A is singular."""
         R = r[:, None] if r.ndim == 1 else r
         X = self.solve_block(R)
-        root = roots(self.A)[:, None]
+        root = diagonal_roots(self.A)[:, None]
         load = norms(self.comm, R / root)
         size = norms(self.comm, root * X) + load
         residual = norms(self.comm, (multiply(self.A, X) - R) / root)
         growth = (size / np.maximum(load, np.finfo(float).tiny)).max()
         if not growth <= self.growth:
-            raise AccuracyError(SINGULAR.format(f"‖A‖‖x‖/‖Ax‖ = {growth:.0e}"))
+            raise AccuracyError(SINGULAR_MESSAGE.format(f"‖A‖‖x‖/‖Ax‖ = {growth:.0e}"))
         if not (residual <= self.backward_error * size).all():
             error = (residual / size).max()
             raise AccuracyError(
-                SINGULAR.format(f"backward error {error:.1e}, limit {self.backward_error:.0e}")
+                SINGULAR_MESSAGE.format(
+                    f"backward error {error:.1e}, limit {self.backward_error:.0e}"
+                )
             )
         if r.ndim == 1:
             return X[:, 0]
@@ -299,20 +304,20 @@ class SuperLU(Factorization):
         try:
             self._lu = scipy.sparse.linalg.splu(self.A.tocsc(), **SYMMETRIC_ORDER)
         except RuntimeError as error:  # an empty column of what is left
-            raise NotConvergedError(SINGULAR.format(f"SuperLU: {error}")) from error
+            raise NotConvergedError(SINGULAR_MESSAGE.format(f"SuperLU: {error}")) from error
         except MemoryError as error:
             raise process.allocation_failed(
                 f"the factor of {self.A.shape[0]} dofs", error, REDUCE_REMEDY
             ) from error
 
         if not np.array_equal(self._lu.perm_r, self._lu.perm_c):
-            raise NotConvergedError(SINGULAR.format("a pivot is zero"))
+            raise NotConvergedError(SINGULAR_MESSAGE.format("a pivot is zero"))
 
         pivots = self._lu.U.diagonal()
         if not (pivots > 0).all():
             row = int(np.flatnonzero(~(pivots > 0))[0])
             raise NotConvergedError(
-                SINGULAR.format(f"pivot {row + 1} of {len(pivots)} is {pivots[row]:.1e}")
+                SINGULAR_MESSAGE.format(f"pivot {row + 1} of {len(pivots)} is {pivots[row]:.1e}")
             )
 
     @property

@@ -3,9 +3,9 @@
 The size of a Cholesky factor of a compact body grows as n^(4/3). If it does not fit in the free
 memory, conjugate gradients are used (`antiosc.fem.linalg.iterative`): preconditioned by two levels
 on quadratic solids, by algebraic multigrid elsewhere. If their matrices do not fit either, an
-OutOfMemoryError says so before they are made. From `LARGE` dofs on two levels are also used where
-they take less time: a trial solve counts their iterations, and ends at those with which a factor is
-faster (`antiosc.fem.linalg.solver`).
+OutOfMemoryError says so before they are made. From `LEAST_TIMED_DOFS` dofs on two levels are also
+used where they take less time: a trial solve counts their iterations, and ends at those with which
+a factor is faster (`antiosc.fem.linalg.solver`).
 
 K = SᵀS + rest: the entries of K of a slender beam are dominated by the shear stiffness; the bending
 energy is what remains when these entries cancel. Their rounding ε makes a relative error of up to ε
@@ -50,36 +50,36 @@ from antiosc.base._types import Array, IntArray, Matrix, SolverChoice
 from antiosc.base.errors import AccuracyError, NotConvergedError
 from antiosc.base.progress import counting
 from antiosc.fem.linalg import algebra, cholmod
-from antiosc.fem.linalg.algebra import by_strains, conjugate_gradients, quotient, sum_of
+from antiosc.fem.linalg.algebra import conjugate_gradients, quotient, sum_of, uses_strains
 from antiosc.fem.linalg.cholmod import Cholesky, NotPositiveDefiniteError
 from antiosc.fem.linalg.iterative import (
     Levels,
     Multigrid,
     PetscSolver,
     TwoLevels,
-    coarse_of,
-    is_factored,
+    coarse_matrix,
+    factors_coarse_level,
 )
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS_KEY,
     PRODUCT_KEY,
-    by_cells,
     csr,
-    dense,
-    lower,
+    dense_block,
+    lower_triangle,
     multiply,
+    uses_cells,
     with_entries,
 )
 from antiosc.fem.linalg.solver import (
-    ENTRIES,
-    FACTOR_BYTES,
+    FACTOR_ENTRY_BYTES,
     FEWEST_ITERATIONS,
     QUADRATIC_OVER_LINEAR,
-    SINGULAR,
+    SINGULAR_MESSAGE,
+    STORED_PRODUCTS,
     Cost,
     Factorization,
     LevelSizes,
-    Products,
+    ProductCost,
     Solver,
     cost_of_factor,
     seconds_of_factor,
@@ -89,9 +89,9 @@ from antiosc.fem.platform import on_root, warn
 #: Error of a solve in the energy norm at which it ends, relative; of a compliance it is the square.
 ENERGY_ERROR = 1e-11
 #: Largest error accepted if rounding, or the largest number of steps, ends the solve.
-STALLED, MOST_CG_STEPS = 1e-6, 60
+STALLED_ERROR, MOST_CG_STEPS = 1e-6, 60
 #: Share of its own diagonal by which a matrix is made stiffer that rounding keeps from a factor.
-RIDGE = 1e-14
+RIDGE_SHARE = 1e-14
 #: Largest ‖A‖‖x‖/‖Ax‖: products by strains leave a mechanism about 1e-32 of the stiffest motion.
 SOLUTION_GROWTH_BY_STRAINS = 1e24
 #: Loads that go through the tree together: few enough that they share their branch.
@@ -106,7 +106,7 @@ SHIFT_STEP = 1e-3
 log = logging.getLogger(__name__)
 
 
-def attach(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat) -> None:
+def use_strain_product(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat) -> None:
     """Make `multiply` compute products with K = SᵀS + rest from the strains."""
     transposed = PETSc.Mat()
     S.transpose(transposed)
@@ -137,7 +137,7 @@ class SolverByStrains(Solver):
         except NotConvergedError:
             stiffer = self.A.copy()
             stiffer.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)  # empty rows
-            stiffer.setDiagonal((1 + RIDGE) * self.A.getDiagonal())
+            stiffer.setDiagonal((1 + RIDGE_SHARE) * self.A.getDiagonal())
             self._inner = self._make(stiffer)
 
     def solve_block(self, R: Array) -> Array:
@@ -153,10 +153,10 @@ class SolverByStrains(Solver):
                 return X
 
         relative_error = float(np.max(np.sqrt(np.abs(quotient(residual_energy, energy)))))
-        if not relative_error <= STALLED:
+        if not relative_error <= STALLED_ERROR:
             raise AccuracyError(
                 f"a solve stopped at a relative error of {relative_error:.1e} in energy after "
-                f"{MOST_CG_STEPS} steps (limit {STALLED:.0e}): for beams this slender with "
+                f"{MOST_CG_STEPS} steps (limit {STALLED_ERROR:.0e}): for beams this slender with "
                 "elements this short double precision does not resolve the bending stiffness; "
                 "use fewer elements, or support loose parts."
             )
@@ -172,7 +172,7 @@ class SolverByStrains(Solver):
 
 #: Per cent by which MUMPS may exceed its forecast of the memory (20 if not told): entries that
 #: gather on one rank exceed it at times.
-WORKSPACE = 60
+MUMPS_MARGIN = 60
 
 
 class CholmodFactor(Factorization):
@@ -184,9 +184,9 @@ class CholmodFactor(Factorization):
 
     def _set_up(self) -> None:
         try:
-            self.cholesky = (self._analysis or analysed(self.A)).factorized()
+            self.cholesky = (self._analysis or analysis_of(self.A)).factorized()
         except NotPositiveDefiniteError as error:
-            raise NotConvergedError(SINGULAR.format(error)) from error
+            raise NotConvergedError(SINGULAR_MESSAGE.format(error)) from error
         finally:
             self._analysis = None  # its copy of A is not used any more
 
@@ -200,9 +200,9 @@ class CholmodFactor(Factorization):
         return self.cholesky.solve(R)
 
 
-def analysed(A: PETSc.Mat) -> Cholesky:
+def analysis_of(A: PETSc.Mat) -> Cholesky:
     """The symbolic factor of a matrix on one rank."""
-    return Cholesky(lower(csr(A)), A.getBlockSize())
+    return Cholesky(lower_triangle(csr(A)), A.getBlockSize())
 
 
 class MumpsFactor(PetscSolver, Factorization):
@@ -211,20 +211,22 @@ class MumpsFactor(PetscSolver, Factorization):
     def _set_up(self) -> None:
         row, least = self.A.getDiagonal().min()
         if least <= 0:  # MUMPS would take an empty row for a large one
-            raise NotConvergedError(SINGULAR.format(f"{least:.1e} on the diagonal of row {row}"))
+            raise NotConvergedError(
+                SINGULAR_MESSAGE.format(f"{least:.1e} on the diagonal of row {row}")
+            )
         super()._set_up()
 
         # MUMPS factors an indefinite matrix too, and counts its negative pivots.
         negative = self._ksp.getPC().getFactorMatrix().getMumpsInfog(12)
         if negative:
-            raise NotConvergedError(SINGULAR.format(f"{negative} negative pivots"))
+            raise NotConvergedError(SINGULAR_MESSAGE.format(f"{negative} negative pivots"))
 
     def _configure(self) -> None:
         self._ksp.setType(PETSc.KSP.Type.PREONLY)
         pc = self._ksp.getPC()
         pc.setType(PETSc.PC.Type.CHOLESKY)
         pc.setFactorSolverType("mumps")
-        PETSc.Options()[f"{self._ksp.getOptionsPrefix()}mat_mumps_icntl_14"] = WORKSPACE
+        PETSc.Options()[f"{self._ksp.getOptionsPrefix()}mat_mumps_icntl_14"] = MUMPS_MARGIN
         self._ksp.setFromOptions()
 
     @property
@@ -237,7 +239,7 @@ class MumpsFactor(PetscSolver, Factorization):
         """A⁻¹R for a block of vectors (rows, k); a block costs far less than single vectors."""
         if R.shape[1] < 2:
             return super().solve_block(R)
-        B, X = dense(self.A, R), dense(self.A, np.zeros(R.shape, order="F"))
+        B, X = dense_block(self.A, R), dense_block(self.A, np.zeros(R.shape, order="F"))
         self._ksp.getPC().getFactorMatrix().matSolve(B, X)
         result = np.array(X.getDenseArray())
         X.destroy()
@@ -263,38 +265,38 @@ def entries_by_mumps(A: PETSc.Mat) -> float:
 #: Bytes for each entry of A of an analysis of its factor: copies of A.
 ANALYSIS_BYTES = 20.0
 #: Remedy where neither fits.
-SMALLER_MESH = "use a coarser mesh or elements of order 1, or a machine with more memory"
+SMALLER_MESH_REMEDY = "use a coarser mesh or elements of order 1, or a machine with more memory"
 #: Entries of a factor over rows^(4/3), for the most compact bodies: cubes of quadratic tetrahedra.
 COMPACT_FILL = 35.0
 #: Dofs from which times are compared too. Below, a factor takes less than a second.
-LARGE = 30_000
+LEAST_TIMED_DOFS = 30_000
 
 
 def solver_for(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float = 1.0) -> Solver:
     """The solver of A named by `choice`; "auto": by forecasts of memory and time."""
-    levels = replace(levels, coarser=cache(levels.coarser))
-    if by_strains(A):
-        return SolverByStrains(A, lambda matrix: _chosen(matrix, choice, levels, columns))
-    return _chosen(A, choice, levels, columns)
+    levels = replace(levels, prolongation=cache(levels.prolongation))
+    if uses_strains(A):
+        return SolverByStrains(A, lambda matrix: _chosen_solver(matrix, choice, levels, columns))
+    return _chosen_solver(A, choice, levels, columns)
 
 
-def _chosen(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float) -> Solver:
+def _chosen_solver(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float) -> Solver:
     if choice == "iterative":
-        return _iterative(A, levels)
+        return _iterative_solver(A, levels)
 
     rows = A.getSize()[0]
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     direct_only = choice == "direct" or columns == math.inf
-    fits = FACTOR_BYTES * COMPACT_FILL * rows ** (4 / 3) <= process.MEMORY_SHARE * free
-    if fits and (direct_only or rows < LARGE):
+    fits = FACTOR_ENTRY_BYTES * COMPACT_FILL * rows ** (4 / 3) <= process.MEMORY_SHARE * free
+    if fits and (direct_only or rows < LEAST_TIMED_DOFS):
         return factorize(A)
 
-    analysis = 0.0 if by_cells(A) else ANALYSIS_BYTES * stored(A)
-    process.require(analysis, f"any solver of {rows} dofs", SMALLER_MESH, free)
-    forecast = forecast_of(A, levels.coarser() if by_cells(A) else None)
-    need = FACTOR_BYTES * forecast.entries
+    analysis = 0.0 if uses_cells(A) else ANALYSIS_BYTES * stored_entries(A)
+    process.require(analysis, f"any solver of {rows} dofs", SMALLER_MESH_REMEDY, free)
+    forecast = forecast_of(A, levels.prolongation() if uses_cells(A) else None)
+    need = FACTOR_ENTRY_BYTES * forecast.entries
     if need <= process.MEMORY_SHARE * free:
-        faster = None if direct_only else _faster(A, forecast, levels, columns)
+        faster = None if direct_only else _two_levels_if_faster(A, forecast, levels, columns)
         return faster or factorize(A, forecast.taken(A))
 
     noun = f"the factor of {rows} dofs"
@@ -303,7 +305,7 @@ def _chosen(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float) 
             need, noun, "take the solver 'iterative', a coarser mesh, or elements of order 1", free
         )
     del forecast  # its analysis has copies of A
-    solver = _iterative(A, levels)
+    solver = _iterative_solver(A, levels)
     warn(
         A.getComm().tompi4py(),
         f"{process.shortage(noun, need, free)}: {solver.method} are used{solver.pace}; with a "
@@ -312,37 +314,39 @@ def _chosen(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float) 
     return solver
 
 
-def _faster(A: PETSc.Mat, forecast: Forecast, levels: Levels, columns: float) -> Multigrid | None:
+def _two_levels_if_faster(
+    A: PETSc.Mat, forecast: Forecast, levels: Levels, columns: float
+) -> Multigrid | None:
     """Two levels if a trial solve shows that they take less time than the factor; or None."""
     sizes = _sizes_of(A, forecast.entries)
     seconds = seconds_of_factor(forecast.entries, columns)
     iteration_limit = sizes.iterations_within(seconds, columns)
-    if iteration_limit < FEWEST_ITERATIONS or levels.coarser() is None:
+    if iteration_limit < FEWEST_ITERATIONS or levels.prolongation() is None:
         return None
 
     try:
-        solver = _iterative(A, levels, forecast)
-        iterations = solver.trial(iteration_limit)
+        solver = _iterative_solver(A, levels, forecast)
+        iterations = solver.trial_iterations(iteration_limit)
     except NotConvergedError:  # a factor tells why, or serves
         return None
     solver.cost, solver.columns = sizes.cost(iterations, columns), columns
     return solver
 
 
-def _iterative(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = None) -> Multigrid:
+def _iterative_solver(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = None) -> Multigrid:
     """The iterative solver; OutOfMemoryError before its matrices are made."""
     free = on_root(A.getComm().tompi4py(), process.free_memory)
-    coarser = levels.coarser()
-    factored = coarser is not None and is_factored(coarser)
-    if forecast is None and factored and by_cells(A) and A.getComm().getSize() == 1:
-        forecast = forecast_of(A, coarser)
+    prolongation = levels.prolongation()
+    factored = prolongation is not None and factors_coarse_level(prolongation)
+    if forecast is None and factored and uses_cells(A) and A.getComm().getSize() == 1:
+        forecast = forecast_of(A, prolongation)
 
     sizes = _sizes_of(A, forecast.entries if forecast and factored else 0.0)
     noun = f"the iterative solver of {A.getSize()[0]} dofs"
-    process.require(sizes.bytes, noun, SMALLER_MESH, free)
+    process.require(sizes.bytes, noun, SMALLER_MESH_REMEDY, free)
     solver: Multigrid
 
-    if coarser is None:
+    if prolongation is None:
         solver = Multigrid(with_entries(A), levels.motions())
     else:
         coarse = forecast.matrix if forecast and forecast.matrix is not A else None
@@ -351,7 +355,7 @@ def _iterative(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = None) -
             factor = factorize(matrix, forecast.taken(matrix) if forecast else None)
             return lambda b: factor.solve_block(b[:, None])[:, 0]
 
-        solver = TwoLevels(A, levels.motions, coarser, inverse, coarse)
+        solver = TwoLevels(A, levels.motions, prolongation, inverse, coarse)
 
     solver.cost = Cost(sizes.bytes)
     return solver
@@ -359,18 +363,18 @@ def _iterative(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = None) -
 
 def _sizes_of(A: PETSc.Mat, factor: float) -> LevelSizes:
     """Sizes of a two-level solver of A whose factor would have `factor` entries."""
-    return LevelSizes(stored(A), _products_of(A), factor)
+    return LevelSizes(stored_entries(A), _products_of(A), factor)
 
 
-def _products_of(A: PETSc.Mat) -> Products:
+def _products_of(A: PETSc.Mat) -> ProductCost:
     """Cost of products with A per entry: by stored entries, or cell by cell."""
-    cost: Products = A.getAttr(CELLS_KEY).cells.products if by_cells(A) else ENTRIES
+    cost: ProductCost = A.getAttr(CELLS_KEY).cells.products if uses_cells(A) else STORED_PRODUCTS
     return cost
 
 
-def stored(A: PETSc.Mat) -> float:
+def stored_entries(A: PETSc.Mat) -> float:
     """Number of entries of A on all ranks; for a cell-by-cell matrix, of the assembled one."""
-    if by_cells(A):
+    if uses_cells(A):
         return _products_of(A).row * float(A.getSize()[0])
     return float(A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"])
 
@@ -391,14 +395,14 @@ class Forecast:
         return analysis
 
 
-def forecast_of(A: PETSc.Mat, coarser: PETSc.Mat | None = None) -> Forecast:
+def forecast_of(A: PETSc.Mat, prolongation: PETSc.Mat | None = None) -> Forecast:
     """The forecast of the factor of A, from that of PᵀAP if the interpolation P is given."""
-    matrix = A if coarser is None else coarse_of(A, coarser)
-    finer = 1.0 if coarser is None else QUADRATIC_OVER_LINEAR
+    matrix = A if prolongation is None else coarse_matrix(A, prolongation)
+    finer = 1.0 if prolongation is None else QUADRATIC_OVER_LINEAR
     comm = A.getComm().tompi4py()
     if comm.size > 1 or cholmod_refused(comm):
         return Forecast(finer * entries_by_mumps(matrix), matrix)
-    analysis = analysed(matrix)
+    analysis = analysis_of(matrix)
     return Forecast(finer * float(analysis.entries), matrix, analysis)
 
 
@@ -416,7 +420,7 @@ def cholmod_refused(comm: MPI.Comm) -> bool:
     return any(comm.allgather(bool(cholmod.refusal())))
 
 
-class Factored(Protocol):
+class FactoredStructure(Protocol):
     """The attributes of a `Structure` that compliances need."""
 
     K: Matrix
@@ -430,7 +434,7 @@ class Factored(Protocol):
 
 
 def deflections(
-    structure: Factored, loads: scipy.sparse.csr_matrix, omega: Array, b: Array
+    structure: FactoredStructure, loads: scipy.sparse.csr_matrix, omega: Array, b: Array
 ) -> tuple[Array, Array]:
     """(bᵀy [m/N], yᵀMy [kg m²/N²]) of y = (K + shift M)⁻¹b for columns b (rows, P), on every rank.
 
@@ -438,7 +442,7 @@ def deflections(
     """
     solver = structure.factorize()
     if not isinstance(solver, Factorization):
-        return _by_solves(structure, loads)
+        return _deflections_by_solves(structure, loads)
 
     x = omega**2 + structure.shift
     step = SHIFT_STEP * x[-1]
@@ -452,13 +456,13 @@ def deflections(
 
 
 def _compliances_at_two_shifts(
-    structure: Factored, solver: Factorization, loads: scipy.sparse.csr_matrix, step: float
+    structure: FactoredStructure, solver: Factorization, loads: scipy.sparse.csr_matrix, step: float
 ) -> tuple[Array, Array]:
     """bᵀ(K + sM)⁻¹b (P,) of every load b at the structure's shift s, and at s + `step`."""
     A = sum_of(structure.K, structure.shift + step, structure.M)
     if isinstance(solver, CholmodFactor):
         first = solver.cholesky
-        second = Cholesky(lower(csr(A)), permutation=first.permutation).factorized()
+        second = Cholesky(lower_triangle(csr(A)), permutation=first.permutation).factorized()
         return compliances(first, loads), compliances(second, loads)
 
     results = np.zeros((2, loads.shape[1]))
@@ -468,7 +472,9 @@ def _compliances_at_two_shifts(
     return results[0], results[1]
 
 
-def _by_solves(structure: Factored, loads: scipy.sparse.csr_matrix) -> tuple[Array, Array]:
+def _deflections_by_solves(
+    structure: FactoredStructure, loads: scipy.sparse.csr_matrix
+) -> tuple[Array, Array]:
     """(bᵀy, yᵀMy) of every load, with one solve for each."""
     C, G = np.zeros((2, loads.shape[1]))
     for part, B, Y in _blocks_of_solutions(structure.factorize(), loads):

@@ -24,7 +24,7 @@ SIMPLICES = ("interval", "triangle", "tetrahedron")
 
 
 #: Distance of a node from where it stands in a straight cell, over the size of the cell.
-STRAIGHT = 1e-9
+STRAIGHTNESS = 1e-9
 
 
 class CellGeometry:
@@ -74,7 +74,7 @@ class CellGeometry:
         corners = self.nodes[:, : len(self.corners)]
         off = self.nodes - linear.tabulate(0, self.reference_nodes)[0, :, :, 0] @ corners
         size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
-        return np.asarray(np.linalg.norm(off, axis=2).max(axis=1) <= STRAIGHT * size)
+        return np.asarray(np.linalg.norm(off, axis=2).max(axis=1) <= STRAIGHTNESS * size)
 
     def entities(self, dim: int) -> tuple[Array, Array]:
         """(origins (n, tdim), axes (n, tdim, dim)) of a cell's entities of dimension `dim`.
@@ -115,7 +115,7 @@ class CellEntities:
 
 
 #: Largest distance of a facet from a side of the bounding box on which it lies, over the extent.
-ON_SIDE = 1e-6
+SIDE_DISTANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -169,7 +169,7 @@ class Mesh(ReprMixin):
     @property
     def n_cells(self) -> int:
         """Number of cells on all ranks."""
-        return int(compat.cell_map(self.dolfinx).size_global)
+        return int(compat.cell_index_map(self.dolfinx).size_global)
 
     @cached_property
     def geometry(self) -> CellGeometry:
@@ -180,7 +180,9 @@ class Mesh(ReprMixin):
     @cached_property
     def boxes(self) -> tuple[Array, Array]:
         """Lowest and highest coordinates (cells, 3) of the cells that this rank owns, m."""
-        nodes = compat.geometry_nodes(self.dolfinx)[: compat.cell_map(self.dolfinx).size_local]
+        nodes = compat.geometry_nodes(self.dolfinx)[
+            : compat.cell_index_map(self.dolfinx).size_local
+        ]
         x = self.dolfinx.geometry.x[nodes]
         low = x.min(axis=1)
         high = x.max(axis=1)
@@ -233,7 +235,7 @@ class Mesh(ReprMixin):
         low, high = self.box
         end = (low if name[0] == "-" else high)[axis]
         dim = self.tdim - 1
-        tolerance = ON_SIDE * self.extent()
+        tolerance = SIDE_DISTANCE * self.extent()
         nodes = compat.entity_vertices(self.dolfinx, dim)
         x = np.asarray(self.dolfinx.geometry.x)[:, axis]
         facets = np.flatnonzero((np.abs(x[nodes] - end) < tolerance).all(axis=1)).astype(np.int32)

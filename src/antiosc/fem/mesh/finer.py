@@ -32,7 +32,7 @@ from antiosc.io.reading import row_hashes, row_positions
 #: name -> {dimension: (entities, vertices of one)}
 Groups: TypeAlias = dict[str, dict[int, NDArray[np.int64]]]
 #: Halves of a simplex; each vertex lies between two corners.
-SIMPLICES = {
+SIMPLEX_HALVES = {
     "triangle": ("00 01 02", "01 11 12", "02 12 22", "01 12 02"),
     "tetrahedron": (
         *("00 01 02 03", "01 11 12 13", "02 12 22 23", "03 13 23 33"),
@@ -42,10 +42,10 @@ SIMPLICES = {
 #: Corners of a hexahedron.
 MOST_CORNERS = 8
 #: Cells may exceed a size by this share.
-ROUNDING = 1e-9
+SIZE_ROUNDING = 1e-9
 
 
-class Scheme(NamedTuple):
+class HalvingScheme(NamedTuple):
     """How a cell of one shape is halved, in dolfinx's order of nodes."""
 
     #: corners between which each middle lies: of edges, of faces of four corners, of all
@@ -57,7 +57,7 @@ class Scheme(NamedTuple):
 
 
 @cache
-def scheme(shape: str) -> Scheme:
+def halving_scheme(shape: str) -> HalvingScheme:
     """The halving of a shape, by its dolfinx name."""
     kind = getattr(basix.CellType, shape)
     corners = np.asarray(basix.geometry(kind))
@@ -65,8 +65,8 @@ def scheme(shape: str) -> Scheme:
     members = [vertices for vertices, _ in ordered]
     lattice = np.vstack([corners, *(corners[vertices].mean(axis=0) for vertices in members)])
 
-    if shape in SIMPLICES:
-        pairs = [[list(map(int, pair)) for pair in half.split()] for half in SIMPLICES[shape]]
+    if shape in SIMPLEX_HALVES:
+        pairs = [[list(map(int, pair)) for pair in half.split()] for half in SIMPLEX_HALVES[shape]]
         vertices_of_halves = corners[np.array(pairs)].mean(axis=2)
     else:
         shifts = np.array(list(product((0.0, 0.5), repeat=corners.shape[1])))
@@ -77,7 +77,7 @@ def scheme(shape: str) -> Scheme:
     of_cell = [[corners[vertices].mean(axis=0) for vertices in members]]
     of_halves = [[lattice[half[vertices]].mean(axis=0) for vertices in members] for half in halves]
     weights = weights_at(shape, 1, np.array(of_cell)), weights_at(shape, 2, np.array(of_halves))
-    return Scheme(members, halves, weights)
+    return HalvingScheme(members, halves, weights)
 
 
 def weights_at(shape: str, degree: int, places: Array) -> Array:
@@ -90,14 +90,14 @@ def weights_at(shape: str, degree: int, places: Array) -> Array:
     return np.asarray(element.tabulate(0, flat)[0, :, :, 0]).reshape(*places.shape[:-1], -1)
 
 
-def with_cells_of(size: float, raw: RawMesh, name: str) -> RawMesh:
+def halved_to_size(size: float, raw: RawMesh, name: str) -> RawMesh:
     """The mesh, halved until no cell is longer than `size` [m]; MeshError for too many cells."""
     longest = longest_cell(raw.points[raw.cells[:, : raw.kind.vertices]])
     if longest <= size:
         told = f"{name}: its cells measure {longest:.3g} m at most, so that size changes nothing."
         return replace(raw, remarks=[*raw.remarks, told])
 
-    rounds = max(0, int(np.ceil(np.log2(longest / size) - ROUNDING)))
+    rounds = max(0, int(np.ceil(np.log2(longest / size) - SIZE_ROUNDING)))
     count = len(raw.cells) * 2.0 ** (rounds * raw.kind.dim)
     if count > MOST_CELLS:
         raise MeshError(
@@ -119,19 +119,19 @@ def longest_cell(corners: Array) -> float:
 def halved(raw: RawMesh) -> RawMesh:
     """A mesh with all cells halved once; its new nodes have no labels."""
     kind = raw.kind
-    shape = scheme(kind.shape)
+    shape = halving_scheme(kind.shape)
     order = compat.node_order(kind.shape, kind.nodes, "vtk")
     nodes = raw.cells[:, order]
     old_corners = nodes[:, : kind.vertices]
 
     if kind.order == 1:
-        middles, first = _middles(old_corners, shape, len(raw.points))
+        middles, first = _middle_nodes(old_corners, shape, len(raw.points))
         lattice = np.hstack([nodes, middles])
         cells = lattice[:, shape.halves].reshape(-1, kind.vertices)
     else:
         lattice = nodes
         corners = lattice[:, shape.halves].reshape(-1, kind.vertices)
-        middles, first = _middles(corners, shape, len(raw.points))
+        middles, first = _middle_nodes(corners, shape, len(raw.points))
         cells = np.hstack([corners, middles])
 
     places = np.einsum("hmk,cki->chmi", shape.weights[kind.order - 1], raw.points[nodes])
@@ -160,7 +160,7 @@ def halved(raw: RawMesh) -> RawMesh:
     )
 
 
-def _middles(corners: IntArray, shape: Scheme, start: int) -> tuple[IntArray, IntArray]:
+def _middle_nodes(corners: IntArray, shape: HalvingScheme, start: int) -> tuple[IntArray, IntArray]:
     """(numbers (cells, middles) of new nodes, from `start` on, flat index of each one's first use).
 
     `corners` (cells, corners): nodes of the cells; `shape`: their halving.
@@ -197,13 +197,13 @@ def _groups_of_division(
 
 
 #: A cell is divided if the ratio of its sizes is below this.
-DIVIDED = 0.75
+DIVIDED_RATIO = 0.75
 #: Most rounds of division.
-ROUNDS = 3
+MOST_ROUNDS = 3
 #: Kinds of cells that can be divided, by dolfinx's names.
-KIND_OF = {"triangle": "triangle", "tetrahedron": "tetra"}
+KIND_OF_SHAPE = {"triangle": "triangle", "tetrahedron": "tetra"}
 #: Rounds of divisions around points.
-MOST_DIVISIONS = 6
+MOST_POINT_ROUNDS = 6
 
 
 def refined_near(mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
@@ -214,9 +214,9 @@ def refined_near(mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
             f" of order {mesh.order}; size makes all cells smaller."
         )
 
-    for _ in range(MOST_DIVISIONS):
+    for _ in range(MOST_POINT_ROUNDS):
         ratio = np.minimum(graded_sizes(mesh, refine) / edge_lengths(mesh), 1.0)
-        if mesh.comm.allreduce(float(np.sum(ratio < DIVIDED))) == 0:
+        if mesh.comm.allreduce(float(np.sum(ratio < DIVIDED_RATIO))) == 0:
             break
         mesh = refined(mesh, ratio)
 
@@ -225,7 +225,7 @@ def refined_near(mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
 
 def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
     """Wanted sizes (cells,) [m] of the cells of this rank, as gmsh grades them around `refine`."""
-    nodes = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
+    nodes = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_index_map(mesh.dolfinx).size_local]
     centres = mesh.dolfinx.geometry.x[nodes].mean(axis=1)
 
     sizes = np.full(len(centres), np.inf)
@@ -240,7 +240,7 @@ def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
 
 def edge_lengths(mesh: Mesh) -> Array:
     """Mean length [m] of the edges of each cell that this rank owns, (cells,)."""
-    nodes = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
+    nodes = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_index_map(mesh.dolfinx).size_local]
     return _mean_edges(mesh.dolfinx.geometry.x[nodes[:, : len(mesh.geometry.corners)]])
 
 
@@ -252,7 +252,9 @@ def _mean_edges(corners: Array) -> Array:
 
 def divisible(mesh: Mesh) -> bool:
     """Whether the cells of the mesh can be bisected: straight triangles and tetrahedra."""
-    return mesh.cell in KIND_OF and all(mesh.comm.allgather(bool(mesh.geometry.straight.all())))
+    return mesh.cell in KIND_OF_SHAPE and all(
+        mesh.comm.allgather(bool(mesh.geometry.straight.all()))
+    )
 
 
 def refined(mesh: Mesh, ratio: Array) -> Mesh:
@@ -261,8 +263,8 @@ def refined(mesh: Mesh, ratio: Array) -> Mesh:
     raw = None
     if whole is not None:
         raw, values = _without_midside_nodes(whole[0]), whole[1]
-        for _ in range(ROUNDS):
-            if not np.any(values < DIVIDED):
+        for _ in range(MOST_ROUNDS):
+            if not np.any(values < DIVIDED_RATIO):
                 break
             raw, values = bisected_once(raw, values)
 
@@ -277,7 +279,7 @@ def _without_midside_nodes(raw: RawMesh) -> RawMesh:
         for name, parts in raw.groups.items()
     }
     cells = cells.reshape(-1, raw.kind.vertices)
-    return RawMesh(raw.points[used], cells, CELL_KINDS[KIND_OF[raw.kind.shape]], groups)
+    return RawMesh(raw.points[used], cells, CELL_KINDS[KIND_OF_SHAPE[raw.kind.shape]], groups)
 
 
 def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
@@ -285,7 +287,7 @@ def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
     geometry = mesh.dolfinx.geometry
     nodes_here = np.arange(len(geometry.x), dtype=np.int32)
     number = np.asarray(geometry.index_map().local_to_global(nodes_here))
-    count = compat.cell_map(mesh.dolfinx).size_local
+    count = compat.cell_index_map(mesh.dolfinx).size_local
     cells = number[compat.geometry_nodes(mesh.dolfinx)[:count]]
     groups = {
         name: {
@@ -317,16 +319,16 @@ def bisected_once(raw: RawMesh, values: Array) -> tuple[RawMesh, Array]:
     """The mesh after one bisection of cells with small `values` (cells,), and its new values.
 
     A value is the wanted size over the present one; all edges of a cell with a value below
-    `DIVIDED` are halved, and its parts inherit the value times the old size over the new one.
+    `DIVIDED_RATIO` are halved, and its parts inherit the value times the old size over the new one.
     """
     arguments = np.ascontiguousarray(raw.cells), raw.points, raw.kind.shape, 1
     old_mesh = compat.create_mesh(MPI.COMM_SELF, *arguments)
     input_cells = np.asarray(old_mesh.topology.original_cell_index)
-    is_refined = values[input_cells] < DIVIDED
+    is_refined = values[input_cells] < DIVIDED_RATIO
     new = compat.refined(old_mesh, np.unique(compat.cell_entities(old_mesh, 1)[is_refined]))
     gdim = raw.points.shape[1]
     x = new.geometry.x[:, :gdim].copy()
-    support = _supports(raw, x)
+    support = _supporting_nodes(raw, x)
     cells = compat.geometry_nodes(new).astype(np.int64)
     parent = row_positions(_old_points_under(support, cells), raw.cells)
     old_corners = raw.points[raw.cells]
@@ -343,7 +345,7 @@ def _normals(corners: Array) -> Array:
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
-def _supports(raw: RawMesh, x: Array) -> IntArray:
+def _supporting_nodes(raw: RawMesh, x: Array) -> IntArray:
     """The two old points (n, 2) between which each point of `x` lies, equal for an old point."""
     first, second = np.triu_indices(raw.kind.vertices, 1)
     edges = np.stack([raw.cells[:, first].ravel(), raw.cells[:, second].ravel()], axis=1)

@@ -40,9 +40,9 @@ from antiosc.base.errors import (
 )
 from antiosc.base.texts import engineering, printable, rounded_up
 from antiosc.fem.mesh import Mesh, distributed
-from antiosc.fem.mesh.finer import refined_near, with_cells_of
+from antiosc.fem.mesh.finer import halved_to_size, refined_near
 from antiosc.fem.mesh.surface import mean_thickness
-from antiosc.fem.platform import agree, collective, compat, on_root, warn
+from antiosc.fem.platform import collective, compat, on_root, raise_on_all, warn
 from antiosc.io.by_gmsh import ENDINGS_WITH_UNIT, GEOMETRY_ENDINGS, SCRIPT_ENDINGS
 from antiosc.io.isolation import Refinement
 from antiosc.io.neutral import EDGES, FACETS, CellKind, RawMesh, UnitSystem
@@ -62,12 +62,12 @@ if TYPE_CHECKING:
     from antiosc.fem.mesh import Mesh
 
 #: Cells along the longest side of a geometry, and most of them, by default.
-CELLS, MOST_DEFAULT = 20, 30_000
+CELLS_ALONG_SIDE, MOST_DEFAULT_CELLS = 20, 30_000
 #: Remedies of a message: arguments that choose one piece of a mesh.
-BY_PIECE = "piece 1 is the largest; or cells, its group"
+PIECE_REMEDY = "piece 1 is the largest; or cells, its group"
 
 
-def misfits(cells: IntArray, kind: CellKind) -> tuple[IntArray, IntArray]:
+def misfit_cells(cells: IntArray, kind: CellKind) -> tuple[IntArray, IntArray]:
     """(cells that share two or more sides with another, cells with a side that three share)."""
     sides = FACETS[kind.shape]
     facets = np.vstack([cells[:, list(side)] for side in sides])
@@ -117,7 +117,7 @@ def sound(
         "use a node twice",
         "write them as cells of fewer nodes, or mesh it anew",
     )
-    doubles, crowded = misfits(raw.cells[:, : kind.vertices], kind)
+    doubles, crowded = misfit_cells(raw.cells[:, : kind.vertices], kind)
     refuse(
         doubles,
         "repeat another one, or share two sides with it",
@@ -132,7 +132,7 @@ def sound(
         )
 
     refuse(
-        collapsed(raw.points, cells, kind.shape, kind.order),
+        collapsed_cells(raw.points, cells, kind.shape, kind.order),
         f"have no {('length', 'area', 'volume')[kind.dim - 1]}",
         "merge the nodes that coincide, or mesh it anew",
     )
@@ -140,18 +140,18 @@ def sound(
     # gmsh bends a few curved cells too far where a mesh is coarse for its curves
     if not (made_here and kind.order > 1):
         refuse(
-            crossed(raw.points, cells, kind.shape, kind.order),
+            crossed_cells(raw.points, cells, kind.shape, kind.order),
             "cross themselves, as a bowtie does",
             "give their nodes in order around each side, or mesh it anew",
         )
 
     if not pieces:
         _refuse_pieces(raw, name, by)
-    if made_here and kind.order == 2 and kind.shape in SIMPLICES:
+    if made_here and kind.order == 2 and kind.shape in SIMPLEX_EDGES:
         return replace(raw, points=straightened(raw.points, raw.cells, kind.shape))
 
     if kind.dim > 1:
-        bad = folded(raw.points, cells, kind.shape, kind.order)
+        bad = folded_cells(raw.points, cells, kind.shape, kind.order)
         if len(bad):
             remedy = (
                 "what is computed there is wrong; optimise the mesh (in gmsh: "
@@ -181,15 +181,15 @@ def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
 
 
 #: Cells whose Jacobians are computed at a time.
-BLOCK = 20_000
+CELLS_AT_ONCE = 20_000
 #: Least ratio of the smallest to the largest Jacobian determinant of a sound cell.
-SOUND = 0.02
+LEAST_JACOBIAN_RATIO = 0.02
 #: A cell has collapsed if its measure over its size to the power of its dimension is below this.
 LEAST_MEASURE = 1e-7
 #: A cell is a point if its size over that of the mesh is below this.
-POINT = 1e-12
+POINT_SIZE = 1e-12
 #: Corners of the edges of second-order simplices, in the order of their middle nodes.
-SIMPLICES = {"triangle": EDGES["triangle"], "tetrahedron": EDGES["tetra"]}
+SIMPLEX_EDGES = {"triangle": EDGES["triangle"], "tetrahedron": EDGES["tetra"]}
 
 
 def _cells_where(
@@ -202,15 +202,17 @@ def _cells_where(
     """
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
     failed = [np.zeros(0, dtype=bool)]
-    for start in range(0, len(cells), BLOCK):
-        x = points[cells[start : start + BLOCK]]
+    for start in range(0, len(cells), CELLS_AT_ONCE):
+        x = points[cells[start : start + CELLS_AT_ONCE]]
         J = np.einsum("dqn,cni->cqdi", slopes, x, optimize=True)
         det = np.linalg.det(J) if J.shape[2] == J.shape[3] else _along_mean_normal(J)
         failed.append(fails(det * np.sign(det.sum(axis=1))[:, None]))
     return np.flatnonzero(np.concatenate(failed))
 
 
-def folded(points: Array, cells: IntArray, shape: str, order: int, least: float = 0.0) -> IntArray:
+def folded_cells(
+    points: Array, cells: IntArray, shape: str, order: int, least: float = 0.0
+) -> IntArray:
     """Numbers of cells whose smallest Jacobian is at most `least` times the largest."""
 
     def fails(det: Array) -> BoolArray:
@@ -230,38 +232,38 @@ def _along_mean_normal(J: Array) -> Array:
     return np.einsum("cqi,ci->cq", normals, mean / np.where(size > 0, size, 1.0))
 
 
-def collapsed(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
+def collapsed_cells(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
     """Numbers of cells (nodes in dolfinx's order) without length, area or volume."""
     slopes = compat.lattice_gradients(shape, order, order)
     J = np.einsum("dqn,cni->cqdi", slopes, points[cells], optimize=True)
     measure = np.sqrt(np.abs(np.linalg.det(J @ J.swapaxes(2, 3)))).max(axis=1)
     size = np.abs(J).max(axis=(1, 2, 3))
-    is_point = size <= POINT * np.ptp(points, axis=0).max()
+    is_point = size <= POINT_SIZE * np.ptp(points, axis=0).max()
     return np.flatnonzero(is_point | (measure <= LEAST_MEASURE * size ** slopes.shape[0]))
 
 
 #: A cell crosses itself if its signed area or volume over the unsigned one is below this: bowties
 #: have 0 to 0.4; a quadrilateral with a corner beyond its diagonal has 0.6.
-CROSSED = 0.5
+CROSSED_RATIO = 0.5
 
 
-def crossed(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
+def crossed_cells(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
     """Numbers of cells (nodes in dolfinx's order) whose sides cross, as those of a bowtie."""
 
     def fails(det: Array) -> BoolArray:
-        return np.asarray(det.sum(axis=1) <= CROSSED * np.abs(det).sum(axis=1))
+        return np.asarray(det.sum(axis=1) <= CROSSED_RATIO * np.abs(det).sum(axis=1))
 
     return _cells_where(points, cells if shape != "interval" else cells[:0], shape, order, fails)
 
 
 def refuse_degenerate(mesh: Mesh) -> None:
     """MeshError on all ranks if a cell has no area or volume or intersects itself."""
-    owned_cells = compat.cell_map(mesh.dolfinx).size_local
+    owned_cells = compat.cell_index_map(mesh.dolfinx).size_local
     nodes = compat.geometry_nodes(mesh.dolfinx)[:owned_cells].astype(np.int64)
     points = mesh.dolfinx.geometry.x[:, : mesh.gdim]
 
     size = ("length", "area", "volume")[mesh.tdim - 1]
-    for check, fault in ((collapsed, f"have no {size}"), (crossed, "cross themselves")):
+    for check, fault in ((collapsed_cells, f"have no {size}"), (crossed_cells, "cross themselves")):
         bad = check(points, nodes, mesh.cell, mesh.order) if owned_cells else nodes[:0, 0]
         total = mesh.comm.allreduce(len(bad))
         error = None
@@ -271,7 +273,7 @@ def refuse_degenerate(mesh: Mesh) -> None:
                 f"{point_text(points[nodes[bad[0]]].mean(axis=0))}: mesh the part anew, or remove "
                 "these cells."
             )
-        agree(mesh.comm, error)
+        raise_on_all(mesh.comm, error)
 
 
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:
@@ -280,10 +282,10 @@ def straightened(points: Array, cells: IntArray, shape: str) -> Array:
     This is repeated for neighbours that fold over thereby.
     """
     points = points.copy()
-    edges = np.array(SIMPLICES[shape])
+    edges = np.array(SIMPLEX_EDGES[shape])
     first = int(edges.max()) + 1
     reordered = cells[:, compat.node_order(shape, cells.shape[1], "vtk")]
-    bad = folded(points, reordered, shape, 2, SOUND)
+    bad = folded_cells(points, reordered, shape, 2, LEAST_JACOBIAN_RATIO)
 
     straight = np.zeros(len(cells), dtype=bool)
     while len(bad):
@@ -293,7 +295,7 @@ def straightened(points: Array, cells: IntArray, shape: str) -> Array:
         middles = cells[straight][:, first : first + len(edges)]
         points[middles] = points[cells[straight][:, edges]].mean(axis=2)
         suspects = np.flatnonzero(np.isin(cells, middles).any(axis=1))
-        bad = suspects[folded(points, reordered[suspects], shape, 2, SOUND)]
+        bad = suspects[folded_cells(points, reordered[suspects], shape, 2, LEAST_JACOBIAN_RATIO)]
 
     return points
 
@@ -418,7 +420,7 @@ def read_mesh(
     if isinstance(source, dolfinx.mesh.Mesh):
         if unit is not None or merge is not None:
             raise InputError("unit and merge apply to files; a dolfinx mesh is in metres.")
-        return _of_dolfinx(source, groups or {})
+        return _mesh_of_dolfinx(source, groups or {})
     if groups:
         raise InputError("groups names the tags of a dolfinx mesh; a file brings its own groups.")
     if not isinstance(source, str | Path):
@@ -444,8 +446,8 @@ def read_mesh(
     def checked(raw: RawMesh) -> RawMesh:
         if size is not None:
             plausible.refuse_size(size, raw.points, name)
-        mesh = sound(flattened(raw, gdim, name), name, made_here, by=BY_PIECE)
-        return mesh if made_here or size is None else with_cells_of(size, mesh, name)
+        mesh = sound(flattened(raw, gdim, name), name, made_here, by=PIECE_REMEDY)
+        return mesh if made_here or size is None else halved_to_size(size, mesh, name)
 
     kept |= {"cells": cells, "trust": trust, "timeout": timeout, "unit": units, "merge": merge}
     if made_here:
@@ -460,8 +462,8 @@ def read_mesh(
 
 
 def usual_size(points: Array) -> float:
-    """Cell size [m] of a geometry with points (n, 3) [m]: `CELLS` along its longest side."""
-    return float(f"{np.ptp(points, axis=0).max() / CELLS:.1g}")
+    """Cell size [m] with `CELLS_ALONG_SIDE` cells along the longest side of points (n, 3) [m]."""
+    return float(f"{np.ptp(points, axis=0).max() / CELLS_ALONG_SIDE:.1g}")
 
 
 def default_size(mesh: Mesh, size: float) -> float:
@@ -473,7 +475,7 @@ def default_size(mesh: Mesh, size: float) -> float:
     wanted = usual_size(mesh.dolfinx.geometry.x)
     if mesh.tdim == 3:
         wanted = min(wanted, float(f"{2 * mean_thickness(mesh):.1g}"))
-    least = rounded_up(size * (mesh.n_cells / MOST_DEFAULT) ** (1 / mesh.tdim))
+    least = rounded_up(size * (mesh.n_cells / MOST_DEFAULT_CELLS) ** (1 / mesh.tdim))
     return max(wanted, least)
 
 
@@ -519,7 +521,7 @@ def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
     return replace(raw, points=np.ascontiguousarray(raw.points[:, :gdim]))
 
 
-def _of_dolfinx(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]) -> Mesh:
+def _mesh_of_dolfinx(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]) -> Mesh:
     """A dolfinx mesh as `Mesh`; `groups`: name -> (tags, value) of its entities."""
     named: dict[str, dict[int, IntArray]] = {}
     for name, pair in groups.items():
@@ -541,7 +543,7 @@ def _of_dolfinx(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, in
 
 
 #: number of lengths -> (name, gmsh script, {group: entities of the side})
-KINDS = {
+BOX_SCRIPTS = {
     1: ("bar", "Point(1) = {{0, 0, 0}}; Point(2) = {{{0!r}, 0, 0}}; Line(1) = {{1, 2}};",
         {"-x": "1", "+x": "2"}),
     2: ("plate", "Rectangle(1) = {{0, 0, 0, {0!r}, {1!r}}};",
@@ -549,7 +551,7 @@ KINDS = {
     3: ("block", "Box(1) = {{0, 0, 0, {0!r}, {1!r}, {2!r}}};",
         {"-x": "1", "+x": "2", "-y": "3", "+y": "4", "-z": "5", "+z": "6"}),
 }  # fmt: skip
-GROUPS = ("Point", "Curve", "Surface", "Volume")
+GMSH_GROUP_TYPES = ("Point", "Curve", "Surface", "Volume")
 
 
 def box_mesh(
@@ -580,13 +582,13 @@ def box_mesh(
         Its sides are the groups "-x", "+x", "-y", …; all edges of a plate are "rim".
     """
     sides = floats("lengths", lengths, None)
-    if sides.ndim != 1 or len(sides) not in KINDS:
+    if sides.ndim != 1 or len(sides) not in BOX_SCRIPTS:
         raise InputError(f"lengths must be one to three, as (0.2, 0.1); got {shown(lengths)}.")
     choice("gdim", gdim, (2, 3))
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
-    name, body, groups = KINDS[len(sides)]
+    name, body, groups = BOX_SCRIPTS[len(sides)]
     whole_body = body.format(*(positive("a length", float(side), "m") for side in sides))
-    kind, last = GROUPS[len(sides) - 1 : len(sides) + 1]
+    kind, last = GMSH_GROUP_TYPES[len(sides) - 1 : len(sides) + 1]
     lines = ['SetFactory("OpenCASCADE");', whole_body, f'Physical {last}("{name}") = {{1}};']
     lines += [f'Physical {kind}("{side}") = {{{tags}}};' for side, tags in groups.items()]
 

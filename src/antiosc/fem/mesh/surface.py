@@ -28,7 +28,7 @@ FOOT_SETTLED = 1e-8
 #: The iteration ends for a foot that leaves its cell by more than this (reference lengths).
 FOOT_BEYOND = 1.0
 #: Degree of the quadrature on groups: exact for products of two cubics on straight cells.
-DEGREE = 6
+GROUP_DEGREE = 6
 
 
 def projected(
@@ -85,7 +85,7 @@ def _gauss_newton(J: Array, gap: Array) -> Array:
     return np.asarray(np.linalg.solve(normal, right)[..., 0])
 
 
-def excess(xi: Array, simplex: bool) -> Array:
+def outside_distance(xi: Array, simplex: bool) -> Array:
     """Distance (n,) by which reference coordinates (n, t) lie outside their cells; <= 0 inside."""
     upper_excess = xi.sum(axis=1) - 1 if simplex else xi.max(axis=1) - 1
     return np.maximum(-xi.min(axis=1), upper_excess)
@@ -116,7 +116,7 @@ def pairs_within(centres: Array, reach: Array, points: Array) -> tuple[IntArray,
 
 
 #: Reference coordinates may lie this far outside a cell that still holds the point (rounding).
-OUTSIDE_CELL = 1e-9
+CELL_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -209,9 +209,9 @@ def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array
         return cell, X, distance
 
     reach = 0.5 * np.linalg.norm(high - low, axis=1)
-    item, point = pairs_within((low + high) / 2, reach * (1 + OUTSIDE_CELL), points)
+    item, point = pairs_within((low + high) / 2, reach * (1 + CELL_TOLERANCE), points)
     geometry = mesh.geometry
-    margin = OUTSIDE_CELL * reach[item, None]
+    margin = CELL_TOLERANCE * reach[item, None]
     boxed = (points[point] >= low[item] - margin) & (points[point] <= high[item] + margin)
     item, point = item[boxed.all(axis=1)], point[boxed.all(axis=1)]
     start = np.tile(geometry.centre(), (len(item), 1))
@@ -220,7 +220,8 @@ def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array
     )
     gap = np.linalg.norm(geometry.at(item, xi)[0] - points[point], axis=1)
     holds = np.flatnonzero(
-        (excess(xi, geometry.simplex) <= OUTSIDE_CELL) & (gap <= OUTSIDE_CELL * reach[item])
+        (outside_distance(xi, geometry.simplex) <= CELL_TOLERANCE)
+        & (gap <= CELL_TOLERANCE * reach[item])
     )
     last = holds[np.lexsort((-item[holds], point[holds]))]  # the first cell is written last
     cell[point[last]], X[point[last]], distance[point[last]] = item[last], xi[last], gap[last]
@@ -229,7 +230,7 @@ def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array
 
 def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
     """The closest point on this rank: the closest foot on a cell, face or edge, moved onto it."""
-    n_cells = compat.cell_map(mesh.dolfinx).size_local
+    n_cells = compat.cell_index_map(mesh.dolfinx).size_local
     if not n_cells:
         return None
 
@@ -247,7 +248,7 @@ def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
         of_cells = np.tile(np.arange(len(origin)), len(near_cells))
         entities = CellEntities(geometry, cell, origin[of_cells], axes[of_cells])
         item = np.arange(len(entities))
-        xi = feet(entities, item, np.broadcast_to(point, (len(entities), 3)))
+        xi = foot_coordinates(entities, item, np.broadcast_to(point, (len(entities), 3)))
         cells.append(cell)
         reached.append(entities.reference(item, xi))
 
@@ -259,7 +260,7 @@ def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
     return ClosestPoint(mesh.comm.rank, int(cell[i]), X[i], x[i], float(distance[i]))
 
 
-def feet(entities: CellEntities, item: IntArray, points: Array) -> Array:
+def foot_coordinates(entities: CellEntities, item: IntArray, points: Array) -> Array:
     """ξ (n, dim) of the place on each entity `item` (n,) nearest to its point (n, 3)."""
     start = entities.middle[item]
     xi = projected(lambda k, xi: entities.at(item[k], xi), points, start, affine=entities.affine)
@@ -284,7 +285,7 @@ def kind_of_cells(mesh: Mesh, cells: IntArray) -> str:
     )
 
 
-def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:
+def largest_entities(mesh: Mesh, group: str) -> tuple[int, IntArray]:
     """(dimension, entities of this rank) of the highest dimension in a group."""
     by_dimension = mesh.group(group)
     dim = mesh.comm.allreduce(
@@ -296,7 +297,7 @@ def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:
     return dim, np.asarray(by_dimension.get(dim, np.zeros(0, dtype=np.int32)))
 
 
-def owned(mesh: Mesh, dim: int, entities: IntArray) -> IntArray:
+def owned_entities(mesh: Mesh, dim: int, entities: IntArray) -> IntArray:
     """The entities among `entities` that this rank owns."""
     mesh.dolfinx.topology.create_entities(dim)
     return entities[entities < mesh.dolfinx.topology.index_map(dim).size_local]
@@ -351,7 +352,7 @@ class Entities(CellEntities):
         return np.asarray(gap.max(axis=1, initial=0.0) * (1.0 if self.affine else 1.3))
 
 
-def shape(mesh: Mesh, dim: int) -> str:
+def entity_shape(mesh: Mesh, dim: int) -> str:
     """Shape of the entities of a dimension: "point", "interval", "triangle", …"""
     if dim == mesh.tdim:
         return mesh.cell
@@ -364,7 +365,9 @@ def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> Weighte
     """Quadrature points on entities, exact to `degree` on straight simplices."""
     xi, weights = np.zeros((1, 0)), np.ones(1)
     if dim:
-        xi, weights = basix.make_quadrature(getattr(basix.CellType, shape(mesh, dim)), degree)
+        xi, weights = basix.make_quadrature(
+            getattr(basix.CellType, entity_shape(mesh, dim)), degree
+        )
 
     on = Entities(mesh, dim, entities)
     count = len(entities)
@@ -377,26 +380,26 @@ def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> Weighte
     return WeightedPoints(cell, X, x, area * np.tile(weights, count))
 
 
-def centre(mesh: Mesh, group: str) -> Array:
+def group_centre(mesh: Mesh, group: str) -> Array:
     """Centroid (3,) [m] of the highest-dimensional entities of a group, on all ranks."""
-    dim, entities = largest(mesh, group)
-    points = quadrature(mesh, dim, owned(mesh, dim, entities), DEGREE)
+    dim, entities = largest_entities(mesh, group)
+    points = quadrature(mesh, dim, owned_entities(mesh, dim, entities), GROUP_DEGREE)
     total = mesh.comm.allreduce(points.weight.sum())
     return np.asarray(mesh.comm.allreduce(points.weight @ points.x) / total)
 
 
 #: Faces whose normals have more than this cosine lie on one side of an edge.
-SAME_FACE = 0.5
+SAME_FACE_COSINE = 0.5
 #: A site closer to the edge of a face than this share of the face's size lies on the edge.
-AT_EDGE = 0.25
+EDGE_DISTANCE = 0.25
 #: Share of their size within which faces touch a point.
-TOUCH = 1e-6
+TOUCH_SHARE = 1e-6
 #: Difference below which unit normals count as equal.
-LEVEL = 1e-6
+NORMAL_TOLERANCE = 1e-6
 #: Reference coordinates may lie this far outside a face that still holds the point (rounding).
-OUTSIDE_FACE = 1e-8
+FACE_TOLERANCE = 1e-8
 #: Of equal faces, the one whose normal points most along this is taken, the same on all ranks.
-OBLIQUE = np.array([0.43, 0.59, 0.68])
+OBLIQUE_DIRECTION = np.array([0.43, 0.59, 0.68])
 
 
 @dataclass(frozen=True, eq=False)
@@ -422,7 +425,7 @@ class Faces(Entities):
         self.sheet = sheet
         if sheet:
             self.facets: IntArray = np.arange(
-                compat.cell_map(mesh.dolfinx).size_local, dtype=np.int32
+                compat.cell_index_map(mesh.dolfinx).size_local, dtype=np.int32
             )
         else:
             self.facets = np.sort(compat.exterior_facets(mesh.dolfinx))
@@ -482,19 +485,21 @@ class Faces(Entities):
         facing = np.einsum("nd,nd->n", normal, directions[site])
 
         if self.sheet:
-            is_flipped = np.where(np.abs(facing) > LEVEL, facing, normal @ OBLIQUE) > 0
+            is_flipped = (
+                np.where(np.abs(facing) > NORMAL_TOLERANCE, facing, normal @ OBLIQUE_DIRECTION) > 0
+            )
             normal[is_flipped] = -normal[is_flipped]
             facing[is_flipped] = -facing[is_flipped]
 
-        best = np.flatnonzero(gap <= depth[site] + AT_EDGE * mean[face])
-        for measure in (facing, normal @ OBLIQUE):  # the second decides between equals
+        best = np.flatnonzero(gap <= depth[site] + EDGE_DISTANCE * mean[face])
+        for measure in (facing, normal @ OBLIQUE_DIRECTION):  # the second decides between equals
             best_measure = _least_over_ranks(comm, measure[best], site[best], count)
-            best = best[measure[best] <= best_measure[site[best]] + LEVEL]
+            best = best[measure[best] <= best_measure[site[best]] + NORMAL_TOLERANCE]
 
         first = _mean(comm, normal[best], site[best], count)
-        same = np.flatnonzero(np.einsum("nd,nd->n", normal, first[site]) > SAME_FACE)
+        same = np.flatnonzero(np.einsum("nd,nd->n", normal, first[site]) > SAME_FACE_COSINE)
         face, site, normal, gap = face[same], site[same], normal[same], gap[same]
-        nearest = gap <= _least_over_ranks(comm, gap, site, count)[site] + TOUCH * mean[face]
+        nearest = gap <= _least_over_ranks(comm, gap, site, count)[site] + TOUCH_SHARE * mean[face]
         normals = _mean(comm, normal[nearest], site[nearest], count)
         label = _least_over_ranks(comm, labels[face[nearest]].astype(float), site[nearest], count)
         height = np.einsum("nvd,nd->nv", self.corners[face] - points[site, None], normals[site])
@@ -511,7 +516,7 @@ class Faces(Entities):
     def _feet(self, points: Array, radii: Array) -> tuple[IntArray, IntArray, Array, Array]:
         """(face, point, unit normal, distance) of the nearest places within the radii."""
         face, point = self._pairs_within_radii(points, radii)
-        x, normal = self.across(face, feet(self, face, points[point]))
+        x, normal = self.across(face, foot_coordinates(self, face, points[point]))
         gap = np.linalg.norm(x - points[point], axis=1)
         near = gap <= radii[point]
         return face[near], point[near], normal[near], gap[near]
@@ -548,7 +553,9 @@ class Faces(Entities):
         cosine = np.abs(cosine) if self.sheet else cosine
 
         hit = np.flatnonzero(
-            (excess(on_plane, self.simplex) <= OUTSIDE_FACE) & (cosine > SAME_FACE) & (gap <= rise)
+            (outside_distance(on_plane, self.simplex) <= FACE_TOLERANCE)
+            & (cosine > SAME_FACE_COSINE)
+            & (gap <= rise)
         )
 
         # the nearest, then the first, is written last
@@ -564,7 +571,7 @@ class Faces(Entities):
         gap = self.centres[face] - points[point]
         height = np.einsum("nd,nd->n", gap, normals[point])
         aside = np.einsum("nd,nd->n", gap, gap) - height**2
-        crossed = aside <= (self.radii[face] * (1 + TOUCH)) ** 2
+        crossed = aside <= (self.radii[face] * (1 + TOUCH_SHARE)) ** 2
         return face[crossed], point[crossed]
 
     @cached_property
@@ -573,9 +580,9 @@ class Faces(Entities):
         return self.at(np.arange(len(self.facets)), self.middle)
 
 
-def measures(mesh: Mesh) -> tuple[float, float]:
+def volume_and_surface(mesh: Mesh) -> tuple[float, float]:
     """(volume, surface) of a mesh with straight edges [m³, m²]; in the plane (area, length)."""
-    cells = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
+    cells = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_index_map(mesh.dolfinx).size_local]
     cells = cells[:, : len(mesh.geometry.corners)]
     facets = compat.exterior_facets(mesh.dolfinx)
     sides = compat.entity_vertices(mesh.dolfinx, mesh.tdim - 1)[facets]
@@ -604,7 +611,7 @@ def _measure(corners: Array, dim: int) -> float:
 
 def mean_thickness(mesh: Mesh) -> float:
     """Twice the volume over the surface [m]: the thickness of a wall; inf of a closed sheet."""
-    volume, surface = measures(mesh)
+    volume, surface = volume_and_surface(mesh)
     return 2 * volume / surface if surface else inf
 
 

@@ -24,7 +24,7 @@ from antiosc.base.errors import AntioscWarning, InputError
 from antiosc.base.process import within_memory
 
 
-def of_petsc(value: object) -> bool:
+def is_petsc(value: object) -> bool:
     """Whether `value` is a PETSc object; petsc4py need not be installed."""
     return any(kind.__module__ == "petsc4py.PETSc" for kind in type(value).__mro__)
 
@@ -97,7 +97,7 @@ def collective(default: MPI.Comm = WORLD) -> Callable[[Callable[P, T]], Callable
             if comm.size == 1:
                 with nullcontext() if isinstance(comm, Serial) else _packages:
                     return guarded_call(*args, **kwargs)
-            return agreed(comm, lambda: guarded_call(*args, **kwargs))
+            return done_on_all(comm, lambda: guarded_call(*args, **kwargs))
 
         return guarded
 
@@ -109,13 +109,13 @@ def _communicator(values: Iterable[object], default: MPI.Comm) -> MPI.Comm:
     found = []
     for value in values:
         for item in value.values() if isinstance(value, Mapping) else [value]:
-            if of_petsc(item) and not item:  # a call of an empty or destroyed one ends the process
+            if is_petsc(item) and not item:  # a call of an empty or destroyed one ends the process
                 default = WORLD  # it may be a real one on other ranks
             elif (comm := _comm_of(item)) is not None:
                 found.append(comm)
 
     comm = max(found, key=attrgetter("size"), default=default)
-    return WORLD if alike(comm, WORLD) else comm
+    return WORLD if same_ranks(comm, WORLD) else comm
 
 
 def _comm_of(value: object) -> MPI.Comm | None:
@@ -139,7 +139,7 @@ def _comm_of(value: object) -> MPI.Comm | None:
     return None if comm == MPI.COMM_NULL else comm
 
 
-def alike(first: MPI.Comm, second: MPI.Comm) -> bool:
+def same_ranks(first: MPI.Comm, second: MPI.Comm) -> bool:
     """Whether two communicators have the same ranks in the same order."""
     if isinstance(first, Serial) or isinstance(second, Serial):
         return first is second
@@ -156,15 +156,15 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
     return result  # type: ignore[return-value]
 
 
-def agree(comm: MPI.Comm, error: Exception | None) -> None:
+def raise_on_all(comm: MPI.Comm, error: Exception | None) -> None:
     """Raise the first error of any rank on every rank; return if there is none."""
     _raise_first(comm.allgather(_portable(error)), error)
 
 
-def agreed(comm: MPI.Comm, work: Callable[[], T]) -> T:
+def done_on_all(comm: MPI.Comm, work: Callable[[], T]) -> T:
     """The result of `work()` on each rank; the first error of any rank is raised on all of them."""
     result, error = _tried(work)
-    agree(comm, error)
+    raise_on_all(comm, error)
     return result  # type: ignore[return-value]
 
 

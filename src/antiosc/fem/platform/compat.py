@@ -22,7 +22,7 @@ from petsc4py import PETSc
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import ROUNDING
 from antiosc.base.errors import MeshError
-from antiosc.fem.platform.compiled_forms import compiler
+from antiosc.fem.platform.compiled_forms import quiet_compiler
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
 import dolfinx.fem.petsc  # isort: skip  (0.9 and later do not import it by themselves)
 
-DOLFINX = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+DOLFINX_VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 #: dolfinx 0.5, whose elements are UFL's own
-EARLY = DOLFINX < (0, 9)
+OLD_DOLFINX = DOLFINX_VERSION < (0, 9)
 
 # --- Meshes ---------------------------------------------------------------------------------
 
@@ -45,7 +45,7 @@ def create_mesh(
     gdim = x.shape[1]
     _refuse_double_nodes(comm, cells, cell)
     domain = ufl.Mesh(_element("Lagrange", cell, degree, gdim, gdim))
-    if EARLY:
+    if OLD_DOLFINX:
         return dolfinx.mesh.create_mesh(comm, cells, x, domain)
 
     # more than two cells at a side would be separated when the mesh is partitioned
@@ -53,16 +53,16 @@ def create_mesh(
     options: Mapping[str, object] = {}
     if comm.size > 1 and (joints or cell == "interval"):
         many = {"max_facet_to_cell_links": 64}
-        options = many if DOLFINX >= (0, 10) else {"partitioner": _all_on_root}
+        options = many if DOLFINX_VERSION >= (0, 10) else {"partitioner": _all_on_root}
 
     return dolfinx.mesh.create_mesh(comm, cells=cells, x=x, e=domain, **options)
 
 
 def _element(family: str, cell: str, degree: int, size: int, gdim: int) -> object:
     """UFL's element with `size` components on a cell in space of `gdim`; scalar if `size` is 0."""
-    if not EARLY and family == "Quadrature":
+    if not OLD_DOLFINX and family == "Quadrature":
         return basix.ufl.quadrature_element(cell, value_shape=(size,), degree=degree)
-    if not EARLY:
+    if not OLD_DOLFINX:
         return basix.ufl.element(family, cell, degree, shape=(size,) if size else None)
 
     scheme = "default" if family == "Quadrature" else None
@@ -72,13 +72,13 @@ def _element(family: str, cell: str, degree: int, size: int, gdim: int) -> objec
 
 
 #: Number of corners of the cells.
-CORNERS = {"interval": 2, "triangle": 3, "quadrilateral": 4, "tetrahedron": 4, "hexahedron": 8}
+CORNER_COUNT = {"interval": 2, "triangle": 3, "quadrilateral": 4, "tetrahedron": 4, "hexahedron": 8}
 
 
 def _refuse_double_nodes(comm: MPI.Comm, cells: IntArray, cell: str) -> None:
     """MeshError if a corner of a cell is an inner node of another cell."""
-    corners = cells[:, : CORNERS[cell]]
-    inner_nodes = cells[:, CORNERS[cell] :]
+    corners = cells[:, : CORNER_COUNT[cell]]
+    inner_nodes = cells[:, CORNER_COUNT[cell] :]
     double_nodes = comm.allreduce(int(np.isin(inner_nodes, corners).sum()))
     if double_nodes:
         raise MeshError(
@@ -124,7 +124,7 @@ def nodes_between(cell: str) -> list[tuple[list[int], int]]:
 
 def name_coordinates(mesh: dolfinx.mesh.Mesh) -> None:
     """Name the coordinate element as FFCx 0.5 does at a mesh's first form, for one signature."""
-    if EARLY:
+    if OLD_DOLFINX:
         domain = mesh.ufl_domain()
         (points, *_) = domain.ufl_coordinate_element().sub_elements()
         domain._ufl_coordinate_element = ufl.VectorElement(points.reconstruct(variant="equispaced"))
@@ -133,9 +133,9 @@ def name_coordinates(mesh: dolfinx.mesh.Mesh) -> None:
 def geometry_nodes(mesh: dolfinx.mesh.Mesh) -> IntArray:
     """Nodes of every cell of this rank, ghosts included: (cells, nodes)."""
     geometry = mesh.geometry
-    if EARLY:
+    if OLD_DOLFINX:
         return _table(geometry.dofmap, geometry.cmap.create_dof_layout().num_dofs)
-    return geometry.dofmap if DOLFINX < (0, 11) else geometry.dofmaps[0]
+    return geometry.dofmap if DOLFINX_VERSION < (0, 11) else geometry.dofmaps[0]
 
 
 def _table(connections: dolfinx.graph.AdjacencyList | IntArray, width: int) -> IntArray:
@@ -156,7 +156,7 @@ def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
     if not len(entities):  # 0.9 would divide by their number
         return np.zeros((0, vertices), dtype=np.int32)
 
-    cpp_mesh = mesh._mesh if EARLY else mesh._cpp_object
+    cpp_mesh = mesh._mesh if OLD_DOLFINX else mesh._cpp_object
     nodes = dolfinx.cpp.mesh.entities_to_geometry(cpp_mesh, dim, entities, False)
 
     # From 0.9 on the nodes inside edges and faces of curved cells follow those at the vertices.
@@ -171,19 +171,19 @@ def communicator(mesh: dolfinx.mesh.Mesh) -> MPI.Comm:
     return mesh.comm
 
 
-def cell_map(mesh: dolfinx.mesh.Mesh) -> dolfinx.common.IndexMap:
+def cell_index_map(mesh: dolfinx.mesh.Mesh) -> dolfinx.common.IndexMap:
     """Index map of the cells."""
     return mesh.topology.index_map(mesh.topology.dim)
 
 
 def cell_name(mesh: dolfinx.mesh.Mesh) -> str:
-    """The shape of the cells, one of `CORNERS`."""
-    return str(mesh.ufl_cell().cellname() if DOLFINX < (0, 10) else mesh.basix_cell().name)
+    """The shape of the cells, one of `CORNER_COUNT`."""
+    return str(mesh.ufl_cell().cellname() if DOLFINX_VERSION < (0, 10) else mesh.basix_cell().name)
 
 
 def coordinate_map(mesh: dolfinx.mesh.Mesh) -> dolfinx.fem.CoordinateElement:
     """The mesh's coordinate element: push_forward(X, nodes), pull_back(x, nodes), degree."""
-    return mesh.geometry.cmap if DOLFINX < (0, 11) else mesh.geometry.cmaps[0]
+    return mesh.geometry.cmap if DOLFINX_VERSION < (0, 11) else mesh.geometry.cmaps[0]
 
 
 def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:
@@ -197,7 +197,7 @@ def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:
 def refined(mesh: dolfinx.mesh.Mesh, edges: IntArray) -> dolfinx.mesh.Mesh:
     """A mesh of straight simplices with these edges halved, and others as needed for conformity."""
     refinement = dolfinx.mesh.refine(mesh, np.asarray(edges, dtype=np.int32))
-    return refinement if EARLY else refinement[0]
+    return refinement if OLD_DOLFINX else refinement[0]
 
 
 def cell_entities(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
@@ -212,16 +212,18 @@ def cell_entities(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
 # --- Function spaces and forms ----------------------------------------------------------------
 
 
-def lagrange(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.FunctionSpace:
+def lagrange_space(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.FunctionSpace:
     """A blocked continuous Lagrange space with `size` components."""
     return _space(mesh, "Lagrange", degree, size)
 
 
-def from_linear(space: fem.FunctionSpace, linear: fem.FunctionSpace | None = None) -> PETSc.Mat:
+def interpolation_from_linear(
+    space: fem.FunctionSpace, linear: fem.FunctionSpace | None = None
+) -> PETSc.Mat:
     """Interpolation matrix from the linear to this blocked Lagrange space on the same mesh."""
     size = space.dofmap.index_map_bs
-    linear = linear or lagrange(space.mesh, 1, size)
-    cells = np.arange(cell_map(space.mesh).size_local + cell_map(space.mesh).num_ghosts)
+    linear = linear or lagrange_space(space.mesh, 1, size)
+    cells = np.arange(cell_index_map(space.mesh).size_local + cell_index_map(space.mesh).num_ghosts)
     fine, coarse = (cell_dofs(space_here, (0,), cells) // size for space_here in (space, linear))
     points = space.element.interpolation_points
     weights = tabulate(linear, (0,), np.asarray(points() if callable(points) else points))
@@ -249,7 +251,7 @@ def from_linear(space: fem.FunctionSpace, linear: fem.FunctionSpace | None = Non
     return matrix
 
 
-def cellwise(mesh: dolfinx.mesh.Mesh, size: int = 0) -> fem.Function:
+def cellwise_function(mesh: dolfinx.mesh.Mesh, size: int = 0) -> fem.Function:
     """A function with one value (`size` = 0) or vector (`size` components) per cell."""
     return fem.Function(_space(mesh, "DG", 0, size))
 
@@ -265,13 +267,13 @@ def reference_coordinates(mesh: dolfinx.mesh.Mesh) -> fem.Function:
 def _space(mesh: dolfinx.mesh.Mesh, family: str, degree: int, size: int) -> fem.FunctionSpace:
     """A space with `size` components; scalar if `size` is 0."""
     element = _element(family, cell_name(mesh), degree, size, mesh.geometry.dim)
-    with compiler():  # dolfinx 0.5 compiles the element here
-        return (fem.FunctionSpace if EARLY else fem.functionspace)(mesh, element)
+    with quiet_compiler():  # dolfinx 0.5 compiles the element here
+        return (fem.FunctionSpace if OLD_DOLFINX else fem.functionspace)(mesh, element)
 
 
 def _compiled(form: ufl.Form) -> fem.Form:
     """The compiled form."""
-    with compiler():
+    with quiet_compiler():
         return fem.form(form)
 
 
@@ -427,11 +429,11 @@ def assemble_functional(form: ufl.Form, space: fem.FunctionSpace) -> Array:
 
 def _assembled(form: fem.Form, rows: int) -> Array:
     vector = fem.assemble_vector(form)
-    vector.scatter_reverse(ADD)
+    vector.scatter_reverse(ADD_GHOSTS)
     return np.array(vector.array[:rows])
 
 
-def quadratic(
+def cell_energies(
     forms: Sequence[ufl.Form],
     space: fem.FunctionSpace,
     vectors: Array,
@@ -444,7 +446,7 @@ def quadratic(
     quadrature.
     """
     x = fem.Function(space)
-    cell = cellwise(space.mesh)
+    cell = cellwise_function(space.mesh)
     q = ufl.TestFunction(cell.function_space)
 
     def of_cells(integral: Integral) -> Integral:
@@ -456,7 +458,7 @@ def quadratic(
     replacements = {argument: x for form in forms for argument in form.arguments()}
     compiled = _compiled(ufl.replace(ufl.Form(integrals), replacements))
 
-    total = np.zeros(cell_map(space.mesh).size_local)
+    total = np.zeros(cell_index_map(space.mesh).size_local)
     for vector, weight in zip(vectors.T, weights, strict=True):
         x.x.array[: len(vector)] = vector
         x.x.scatter_forward()
@@ -496,7 +498,7 @@ def _nodes(space: fem.FunctionSpace) -> IntArray:
 
 
 #: Addition of what the ghosts have to the values of the owners
-ADD = dolfinx.la.ScatterMode.add if EARLY else dolfinx.la.InsertMode.add
+ADD_GHOSTS = dolfinx.la.ScatterMode.add if OLD_DOLFINX else dolfinx.la.InsertMode.add
 
 
 class Exchange:
@@ -519,7 +521,7 @@ class Exchange:
         """Add the values at the ghosts to those of their owners."""
         if not self._alone:
             vector = self._filled(values)
-            vector.scatter_reverse(ADD)
+            vector.scatter_reverse(ADD_GHOSTS)
             values[:] = vector.array.reshape(values.shape)
 
     def _filled(self, values: Array) -> dolfinx.la.Vector:

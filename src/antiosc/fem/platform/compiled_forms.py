@@ -32,13 +32,13 @@ from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.base.packages import quiet, restored
 
 #: Time that a process waits for another one to compile the same form, s.
-PATIENCE = 600
+COMPILE_WAIT = 600
 #: For the C compiler, before those of the environment; FFCx holds libraries of other flags apart.
 FLAGS = ("-O2", "-g0")
 #: Names of the functions of dolfinx and FFCx that read configuration files.
-READERS = {"_load_options", "_load_parameters"}
+CONFIG_READERS = {"_load_options", "_load_parameters"}
 #: FFCx's own options
-SETTINGS = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
+FFCX_OPTIONS = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
 
 
 @contextmanager
@@ -46,12 +46,12 @@ def user_folder() -> Iterator[None]:
     """Context in which dolfinx compiles into, and loads from, the user's folder; or OSError."""
     folder = cache_folder()
     flags = [*FLAGS, *shlex.split(os.environ.get("CFLAGS", ""))]
-    options = {"cache_dir": folder, "timeout": PATIENCE, "cffi_extra_compile_args": flags}
+    options = {"cache_dir": folder, "timeout": COMPILE_WAIT, "cffi_extra_compile_args": flags}
 
     with (
-        _shared(folder),
+        _shared_folder(folder),
         _replaced(dolfinx.jit, lambda: (options, {})),
-        _replaced(SETTINGS, lambda: ({}, {})),
+        _replaced(FFCX_OPTIONS, lambda: ({}, {})),
     ):
         yield
 
@@ -61,13 +61,13 @@ _cleared: set[Path] = set()
 
 
 @contextmanager
-def _shared(folder: Path) -> Iterator[None]:
+def _shared_folder(folder: Path) -> Iterator[None]:
     """Context that shares `folder` with other processes; removes leftovers if none compiles."""
     with (folder / "lock").open("w") as file:
         if folder not in _cleared:
             with suppress(OSError):  # somebody else compiles, or the file system has no locks
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                _clear(folder)
+                _remove_leftovers(folder)
                 _cleared.add(folder)
 
         with suppress(OSError):
@@ -75,7 +75,7 @@ def _shared(folder: Path) -> Iterator[None]:
         yield
 
 
-def _clear(folder: Path) -> None:
+def _remove_leftovers(folder: Path) -> None:
     """Remove sources without a library that is ready, and the reverse."""
     for source in {*folder.glob("*.c"), *(p.with_suffix("") for p in folder.glob("*.cached"))}:
         ready = source.with_suffix(".c.cached")
@@ -87,7 +87,7 @@ def _clear(folder: Path) -> None:
 @contextmanager
 def _replaced(module: ModuleType, function: Callable[..., object]) -> Iterator[None]:
     """Context in which `function` replaces what reads the configuration files of a module."""
-    originals = {name: value for name, value in vars(module).items() if name in READERS}
+    originals = {name: value for name, value in vars(module).items() if name in CONFIG_READERS}
     vars(module).update(dict.fromkeys(originals, function))
     try:
         yield
@@ -119,27 +119,34 @@ def cache_folder() -> Path:
 # -- Settings of FFCx while something is compiled, restored afterwards.
 
 
-FFCX = tuple(int(part) for part in ffcx.__version__.split(".")[:2])
+FFCX_VERSION = tuple(int(part) for part in ffcx.__version__.split(".")[:2])
 #: Loggers that report every step; from 0.6 on FFCx itself keeps the root logger quiet.
-NOISY = ("UFL", "FFCx", "ffcx", *([""] if FFCX < (0, 6) else []))
+NOISY_LOGGERS = ("UFL", "FFCx", "ffcx", *([""] if FFCX_VERSION < (0, 6) else []))
 
 _compiling = threading.RLock()
 
 
 @contextmanager
-def compiler() -> Iterator[None]:
+def quiet_compiler() -> Iterator[None]:
     """Context in which forms are compiled quietly, outside the seconds of `clock`.
 
     InputError for a folder that cannot be written, or a form that another process does not finish;
     MissingDependencyError without a C compiler.
     """
     try:
-        with uncounted(), _compiling, restored(), quiet(*NOISY), _mended(), user_folder():
+        with (
+            uncounted(),
+            _compiling,
+            restored(),
+            quiet(*NOISY_LOGGERS),
+            _ffcx_mended(),
+            user_folder(),
+        ):
             yield
     except (TimeoutError, FileExistsError, ImportError) as error:
         raise InputError(
             f"a compiled finite element is not complete, or another process has compiled it for "
-            f"{PATIENCE} s: delete {cache_folder()}, and run again."
+            f"{COMPILE_WAIT} s: delete {cache_folder()}, and run again."
         ) from error
     except VerificationError as error:
         reason = shorten(str(error), 90)
@@ -156,14 +163,14 @@ def compiler() -> Iterator[None]:
 
 
 @contextmanager
-def _mended() -> Iterator[None]:
+def _ffcx_mended() -> Iterator[None]:
     """Context without two faults of FFCx 0.5.
 
     FFCx 0.5 numbers derivatives by x, y, z, while Basix numbers them by the directions of the cell:
     on a shell in space, derivatives of second and higher order differ. It also never closes the
     empty C file by which it claims a compilation, so that Python warns of it.
     """
-    if FFCX >= (0, 6):
+    if FFCX_VERSION >= (0, 6):
         yield
         return
     import ffcx.codegeneration.jit as jit

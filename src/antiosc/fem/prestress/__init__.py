@@ -30,12 +30,12 @@ def _axis(name: str, value: object) -> tuple[float, ...]:
     return axis
 
 
-def _by_names(name: str, value: object, unit: str) -> dict[str, float]:
+def _numbers_by_names(name: str, value: object, unit: str) -> dict[str, float]:
     """Checked numbers by name."""
     return {key: number(f"the {name} on {key!r}", item, unit) for key, item in _items(name, value)}
 
 
-def _vectors(name: str, value: object) -> dict[str, tuple[float, ...]]:
+def _vectors_by_names(name: str, value: object) -> dict[str, tuple[float, ...]]:
     """Checked force vectors by name."""
     return {key: _vector(f"the {name} on {key!r}", item, "N") for key, item in _items(name, value)}
 
@@ -104,11 +104,13 @@ class Prestress(Checked):
     )
     gravity: Sequence[float] = field(default=(0.0, 0.0, 0.0), metadata=checked_by(_vector, "m/s²"))
     pressure: Mapping[str, float] = field(
-        default_factory=dict, metadata=checked_by(_by_names, "Pa")
+        default_factory=dict, metadata=checked_by(_numbers_by_names, "Pa")
     )
-    tension: Mapping[str, float] = field(default_factory=dict, metadata=checked_by(_by_names, "N"))
+    tension: Mapping[str, float] = field(
+        default_factory=dict, metadata=checked_by(_numbers_by_names, "N")
+    )
     force: Mapping[str, Sequence[float]] = field(
-        default_factory=dict, metadata=checked_by(_vectors)
+        default_factory=dict, metadata=checked_by(_vectors_by_names)
     )
 
 

@@ -33,7 +33,7 @@ from antiosc.base.errors import AccuracyError, InputError, NotConvergedError
 from antiosc.base.process import one_thread
 from antiosc.base.progress import doing
 from antiosc.fem.elements.beam import Beam, Truss, axes_of_beams
-from antiosc.fem.elements.second_order import stretch_of, tangential
+from antiosc.fem.elements.second_order import second_order_strain, tangential_slopes
 from antiosc.fem.elements.shell import frames, section_fields
 from antiosc.fem.elements.solid import depth_of
 from antiosc.fem.elements.weak_form import Parts, axes_and_sides, coefficient, measure
@@ -41,7 +41,7 @@ from antiosc.fem.linalg import solver_for
 from antiosc.fem.linalg.algebra import diagonal, dot, free_when_dropped, multiply, sum_of
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import largest, owned, quadrature
+from antiosc.fem.mesh.surface import largest_entities, owned_entities, quadrature
 from antiosc.fem.platform import compat
 from antiosc.fem.prestress import Preload, Prestress, Spin
 from antiosc.fem.structure.loads import Points, loads as load_columns
@@ -52,21 +52,21 @@ if TYPE_CHECKING:
     from ufl.core.expr import Expr
 
 #: Least stiffness of the rest of the part against a tension, as a share of EA.
-YIELDS = 1e-6
+LEAST_RESTRAINT = 1e-6
 #: The iteration has converged if the energy of a step over that of the state is below this.
-CONVERGED = 1e-14
+ENERGY_TOLERANCE = 1e-14
 #: Motions below this share of the size are rounding: a bar between walls does not move at all.
 LEAST_MOTION = 1e-15
 #: Most steps; a plate whose deflection under pressure is ten thicknesses needs some 15.
 MOST_STEPS = 40
 #: Vectors of SLEPc's basis.
-BASIS = 24
+BASIS_SIZE = 24
 #: Largest load factor that is reported; larger ones are infinite.
-FAR = 100.0
+LARGEST_LOAD_FACTOR = 100.0
 #: Tolerance of SLEPc for the residual of a buckling mode in the energy norm over 1/λ.
-ASKED = 1e-7
+BUCKLING_TOLERANCE = 1e-7
 #: Most restarts: relevant modes are well separated from the many near 0.
-RESTARTS = 12
+MOST_RESTARTS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ class LoadedPart:
                 "prestress out."
             )
         self.initial = initial_strain(part, initial)
-        stretch = stretch_of(mesh, part.parts, form.degree)
+        stretch = second_order_strain(mesh, part.parts, form.degree)
         free = self.initial if initial else None
         v = ufl.TestFunction(form.space)
         w = ufl.TrialFunction(form.space)
@@ -109,7 +109,7 @@ class LoadedPart:
         second = stretch.energy(self._u, free) * dx
         of_loads = []
         for group, p in loads.pressure.items():
-            region = (group, *largest(mesh, group))
+            region = (group, *largest_entities(mesh, group))
             work = pressure_energy(mesh, part.parts, self._u, region)
             of_loads += [-p * work] if p else []
 
@@ -124,7 +124,7 @@ class LoadedPart:
 
         forces = [ufl.derivative(energy, self._u, v) for energy in (second, *of_loads)]
         slopes = [ufl.derivative(force, self._u, w) for force in forces]
-        of_stress = stretch.of_stress(self._u, free, v, w) * dx
+        of_stress = stretch.geometric_stiffness(self._u, free, v, w) * dx
 
         # sums, as matrices of cells and of facets have entries at different places
         self._forces = sum(forces)
@@ -135,7 +135,7 @@ class LoadedPart:
         """dΠ/du (rows of this rank,) at u; 0 on fixed dofs."""
         self._move(u)
         total = compat.assemble_functional(self._forces, self.part.form.space)[: len(u)]
-        return freed(self.part, total)
+        return zero_on_fixed(self.part, total)
 
     def stiffness(self, u: Array, *, geometric: bool = False) -> PETSc.Mat:
         """d²Π/du² at u, rows of fixed dofs empty; `geometric`: what is proportional to loads."""
@@ -150,7 +150,7 @@ class LoadedPart:
         self._u.x.scatter_forward()
 
 
-def freed(part: MeshedStructure, forces: Array) -> Array:
+def zero_on_fixed(part: MeshedStructure, forces: Array) -> Array:
     """Forces (rows of this rank,) with zeros on fixed dofs."""
     forces[part.fixed[part.fixed < len(forces)]] = 0.0
     return forces
@@ -158,9 +158,9 @@ def freed(part: MeshedStructure, forces: Array) -> Array:
 
 def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
     """Initial strain of each cell as a cell-wise constant function."""
-    strain_of_cells = compat.cellwise(part.mesh.dolfinx)
+    strain_of_cells = compat.cellwise_function(part.mesh.dolfinx)
     for group, strain in initial.items():
-        dim, cells = largest(part.mesh, group)
+        dim, cells = largest_entities(part.mesh, group)
         if dim != part.mesh.tdim or not isinstance(part.parts[0][0], Beam | Truss):
             raise InputError(
                 f"tension is that of beams and bars; {group!r} is no group of their cells: use "
@@ -174,7 +174,7 @@ def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
 def tendon(part: MeshedStructure, name: str) -> Tendon:
     """The tendon of a group of beams or bars."""
     unit_strain = initial_strain(part, {name: 1.0})
-    stretch = stretch_of(part.mesh, part.parts, part.form.degree)
+    stretch = second_order_strain(part.mesh, part.parts, part.form.degree)
     dx = measure(part.mesh, stretch.degree)
     v = ufl.TestFunction(part.form.space)
     work = ufl.inner(stretch.forces(unit_strain), stretch.strain(v)) * dx
@@ -182,7 +182,7 @@ def tendon(part: MeshedStructure, name: str) -> Tendon:
     load = compat.assemble_functional(work, part.form.space)[:rows]
     length = compat.integrate(unit_strain * dx, part.mesh.dolfinx)
     EA = compat.integrate(stretch.forces(unit_strain) * dx, part.mesh.dolfinx)
-    return Tendon(freed(part, load), length, EA / length)
+    return Tendon(zero_on_fixed(part, load), length, EA / length)
 
 
 def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
@@ -198,20 +198,20 @@ def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
         column = load_columns(part.comm, part.form, points, force[None])
         forces += column.toarray()[:, 0]
 
-    return freed(part, forces)
+    return zero_on_fixed(part, forces)
 
 
 def _loaded_points(part: MeshedStructure, group: str) -> Points:
     """Points of a group among which a force is distributed evenly; InputError for edges."""
     mesh = part.mesh
-    dim, entities = largest(mesh, group)
+    dim, entities = largest_entities(mesh, group)
     if dim not in (0, mesh.tdim - 1, mesh.tdim):
         raise InputError(f"a force acts on points, faces or cells; group {group!r} holds edges.")
 
-    entities = owned(mesh, dim, entities)
+    entities = owned_entities(mesh, dim, entities)
     if dim and dim < mesh.tdim:
         entities = np.intersect1d(entities, compat.exterior_facets(mesh.dolfinx)).astype(np.int32)
-    points = quadrature(mesh, dim, entities, DEGREE)
+    points = quadrature(mesh, dim, entities, LOAD_DEGREE)
     total = part.comm.allreduce(points.weight.sum())
     if not total:
         raise InputError(f"the group {group!r} holds no outer faces, on which loads act.")
@@ -222,19 +222,19 @@ def _loaded_points(part: MeshedStructure, group: str) -> Points:
 
 
 #: Degree of the quadrature of loads: products of P2 displacements, slopes and normals.
-DEGREE = 5
+LOAD_DEGREE = 5
 
 
 def measure_on(mesh: Mesh, dim: int, entities: IntArray) -> tuple[Expr, ufl.Measure]:
     """(factor, UFL measure) of cells or of outer facets of this rank."""
     if dim == mesh.tdim:
-        indicator = compat.cellwise(mesh.dolfinx)
+        indicator = compat.cellwise_function(mesh.dolfinx)
         indicator.x.array[entities] = 1.0
-        return indicator, measure(mesh, DEGREE)
+        return indicator, measure(mesh, LOAD_DEGREE)
     marks = np.ones(len(entities), dtype=np.int32)
     order = np.argsort(entities)
     tags = dolfinx.mesh.meshtags(mesh.dolfinx, dim, entities[order].astype(np.int32), marks)
-    metadata = {"quadrature_degree": DEGREE}
+    metadata = {"quadrature_degree": LOAD_DEGREE}
     ds = ufl.Measure("ds", domain=mesh.dolfinx, subdomain_data=tags, metadata=metadata)
     return compat.constant(mesh.dolfinx, 1.0), ds(1)
 
@@ -265,7 +265,7 @@ def pressure_energy(
     normal = ufl.cross(a, b)
     to_top = side * ufl.sign(ufl.dot(normal, frame.n))
     displacement = ufl.as_vector([u[i] for i in range(3)])
-    u1, u2 = tangential(frame, u)
+    u1, u2 = tangential_slopes(frame, u)
     normal_change = ufl.cross(u1, frame.e2) + ufl.cross(frame.e1, u2)
     work = ufl.dot(displacement, frame.n) + ufl.dot(displacement, normal_change) / 2
     return factor * to_top * work * dx
@@ -282,9 +282,9 @@ def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) ->
     spin_origin = np.array(spin.about)
     x = ufl.SpatialCoordinate(mesh.dolfinx)
     position = _in_space([x[i] - float(spin_origin[i]) + u[i] for i in range(mesh.gdim)])
-    dx = measure(mesh, DEGREE + 1)
+    dx = measure(mesh, LOAD_DEGREE + 1)
     energy = density * ufl.dot(position, S * position) / 2
-    for direction, first, second in _fibres(mesh, parts):
+    for direction, first, second in _mass_fibres(mesh, parts):
         rotation = ufl.as_vector([u[i] for i in range(3, 6)])
         rotated = ufl.cross(rotation, direction)
         arm = direction + rotated + ufl.cross(rotation, rotated) / 2
@@ -292,7 +292,7 @@ def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) ->
     return energy * dx
 
 
-def _fibres(mesh: Mesh, parts: Parts) -> list[tuple[Expr, Expr, Expr]]:
+def _mass_fibres(mesh: Mesh, parts: Parts) -> list[tuple[Expr, Expr, Expr]]:
     """(direction, ∫ρ z, ∫ρ z²) across the sections or the thickness, with rotations."""
     material = parts[0][0]
     if material.kind.sheet:
@@ -323,35 +323,37 @@ def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
     with doing("static step of the prestress", base.comm.rank):
         solver, _ = base.factored(math.inf)
         tendons = {name: tendon(base, name) for name in loads.tension}
-        initial = tightened(loads, tendons, solver)
-        dead = freed(base, dead_forces(base, loads) + weight(base, loads))
+        initial = tendon_strains(loads, tendons, solver)
+        dead = zero_on_fixed(base, dead_forces(base, loads) + gravity_loads(base, loads))
         loaded = LoadedPart(base, loads, initial)
         q, K, tangent = equilibrium(base, loaded, dead, solver)
         geometric = loaded.stiffness(q, geometric=True)
         free_when_dropped(geometric)
-        reserve = 1 + buckling(K, tangent, geometric)
+        reserve = 1 + buckling_factor(K, tangent, geometric)
 
     def added(motions: Array) -> Array:
         free = LoadedPart(base.unsupported(), loads, initial)
         return multiply(free.stiffness(q), motions)
 
     def reassembled(copy: Mesh, supports: Sequence[Support] = base.supports) -> MeshedStructure:
-        return with_prestress(base.again(copy, supports), loads)
+        return with_prestress(base.reassembled(copy, supports), loads)
 
     preload = Preload(loads, q, reserve, initial, added)
     return replace(
-        base, K=K, again=reassembled, preload=preload, unloaded=base, solver_of_K=tangent
+        base, K=K, reassembled=reassembled, preload=preload, unloaded=base, solver_of_K=tangent
     )
 
 
-def weight(base: MeshedStructure, loads: Prestress) -> Array:
+def gravity_loads(base: MeshedStructure, loads: Prestress) -> Array:
     """Gravity loads (rows of this rank,)."""
     g = np.array(loads.gravity)
     size = float(np.linalg.norm(g))
     return size * base.uniform_inertia(g / size) if size else np.zeros(base.rows)
 
 
-def tightened(loads: Prestress, tendons: Mapping[str, Tendon], solver: Solver) -> dict[str, float]:
+def tendon_strains(
+    loads: Prestress, tendons: Mapping[str, Tendon], solver: Solver
+) -> dict[str, float]:
     """Initial strains by tendon that produce the required tensions of all tendons together."""
     if not tendons:
         return {}
@@ -362,7 +364,7 @@ def tightened(loads: Prestress, tendons: Mapping[str, Tendon], solver: Solver) -
     displacements = solver.solve_block(pulls)
     forces = np.asarray(dot(solver.comm, pulls, displacements)) / lengths[:, None] - stiffnesses
     for name, group, force in zip(tendons, tendons_listed, forces.diagonal(), strict=True):
-        if -force <= YIELDS * group.stiffness:
+        if -force <= LEAST_RESTRAINT * group.stiffness:
             raise InputError(
                 f"{name!r} cannot be tightened: nothing holds its ends against the tension."
             )
@@ -391,11 +393,11 @@ def equilibrium(
         step = solver.solve(dead - multiply(part.K, q) - loaded.forces(q))
         q = q + step
         change, energy = (float(dot(comm, u, multiply(part.K, u))) for u in (step, q))
-        if change <= max(CONVERGED * energy, rounding):
+        if change <= max(ENERGY_TOLERANCE * energy, rounding):
             return q, K, solver
 
     linear = elastic.solve(dead - loaded.forces(0 * q))
-    reserve = buckling(part.K, elastic, loaded.stiffness(linear, geometric=True))
+    reserve = buckling_factor(part.K, elastic, loaded.stiffness(linear, geometric=True))
     raise InputError(
         f"no stable equilibrium is found under the prestress: the part buckles at some "
         f"{reserve:.3g} times these loads (a spin at {math.sqrt(reserve):.3g} times its speed), or "
@@ -403,8 +405,8 @@ def equilibrium(
     )
 
 
-def buckling(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
-    """The smallest λ > 0 for which K + λ geometric is singular; inf above `FAR`."""
+def buckling_factor(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
+    """The smallest λ > 0 for which K + λ geometric is singular; inf above `SHIFT_EXCESS`."""
     if not geometric.norm():
         return math.inf
 
@@ -416,8 +418,8 @@ def buckling(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
     eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
     eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
     eps.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_REAL)
-    eps.setDimensions(1, BASIS)
-    eps.setTolerances(ASKED, RESTARTS)
+    eps.setDimensions(1, BASIS_SIZE)
+    eps.setTolerances(BUCKLING_TOLERANCE, MOST_RESTARTS)
     eps.setConvergenceTest(SLEPc.EPS.Conv.REL)
 
     ksp = eps.getST().getKSP()
@@ -436,7 +438,7 @@ def buckling(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
         error[0] = errors[0] * abs(values[0])  # SLEPc divides by the value
 
     def reason(_: object, its: int, most: int, converged: int, wanted: int) -> int:
-        if converged >= wanted or (largest[0] + error[0]) * FAR < 1:
+        if converged >= wanted or (largest[0] + error[0]) * LARGEST_LOAD_FACTOR < 1:
             return int(SLEPc.EPS.ConvergedReason.CONVERGED_USER)
         if its >= most:
             return int(SLEPc.EPS.ConvergedReason.DIVERGED_ITS)
@@ -447,16 +449,17 @@ def buckling(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
 
     with one_thread():
         eps.solve()
-    if not eps.getConverged() and largest[0] * FAR < 1:
+    if not eps.getConverged() and largest[0] * LARGEST_LOAD_FACTOR < 1:
         return math.inf
     if not eps.getConverged():
         raise NotConvergedError(
-            f"SLEPc did not find the buckling load within {RESTARTS} restarts: refine the mesh, or "
+            f"SLEPc did not find the buckling load within {MOST_RESTARTS} restarts: refine the "
+            "mesh, or "
             "leave prestress out."
         )
     value = eps.getEigenvalue(0).real
     eps.destroy()
-    return math.inf if value * FAR <= 1 else float(1 / value)
+    return math.inf if value * LARGEST_LOAD_FACTOR <= 1 else float(1 / value)
 
 
 class _StiffnessInverse:

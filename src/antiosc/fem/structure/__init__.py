@@ -21,17 +21,17 @@ from antiosc.base.errors import AccuracyError, AntioscError, InputError, NotConv
 from antiosc.engine.damping import DampingMatrix, from_factors
 from antiosc.fem.linalg import algebra, solver_for
 from antiosc.fem.linalg.algebra import (
-    by_strains,
     communicator,
+    diagonal_roots,
     dot,
+    energy_ratios,
     force_ratios,
-    frequency,
     multiply,
     norm,
     norms,
-    roots,
-    softness,
     sum_of,
+    typical_eigenvalue,
+    uses_strains,
 )
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.prestress import Preload
@@ -126,7 +126,7 @@ def skew(a: Array) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def across(units: Array) -> Array:
+def perpendiculars(units: Array) -> Array:
     """Two perpendicular unit vectors (n, 2, 3) normal to each unit vector (n, 3)."""
     first = np.cross(units, np.eye(3)[np.abs(units).argmin(axis=1)])
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -209,7 +209,7 @@ class DofPlaces:
         return result
 
 
-def placement(name: str, at: Placement | Sequence[float] | None) -> Placement:
+def checked_placement(name: str, at: Placement | Sequence[float] | None) -> Placement:
     """`at` as a Placement; 2 or 3 numbers are a translation."""
     if at is None:
         return Placement()
@@ -225,7 +225,7 @@ def placement(name: str, at: Placement | Sequence[float] | None) -> Placement:
 
 
 #: Negative eigenvalues of a damping matrix over the largest that are rounding.
-NEGATIVE = 1e-8
+NEGATIVE_SHARE = 1e-8
 #: Eigenvalues of a projected matrix over the largest that are rounding.
 LEAST_EIGENVALUE = 1e-14
 
@@ -254,7 +254,7 @@ def _square_root(matrix: Array) -> Array:
     """L with LᵀL = `matrix`, which is positive semidefinite."""
     symmetric = (matrix + matrix.T) / 2
     ends = np.linalg.eigvalsh(symmetric)
-    if ends.min(initial=0.0) < -NEGATIVE * ends.max(initial=0.0):
+    if ends.min(initial=0.0) < -NEGATIVE_SHARE * ends.max(initial=0.0):
         raise InputError("C must be positive semidefinite, and has a negative eigenvalue.")
 
     diagonal = matrix.diagonal()
@@ -283,20 +283,20 @@ def projected(comm: MPI.Comm, terms: Sequence[Dissipation], V: Array) -> Damping
 #: as a rigid-body mode; rounding leaves about 1e-16.
 RIGID_FORCE = 1e-11
 #: Shift over the estimate of the first elastic ω²: modes converge fast, A stays well conditioned.
-SHIFT = 0.1
+SHIFT_RATIO = 0.1
 #: Share of a vector outside the span of others, below which it adds nothing; rounding: 1e-16.
-SPANNED = 1e-12
+INDEPENDENT_SHARE = 1e-12
 #: Message for matrices that cannot belong to a structure.
-INDEFINITE = (
+INDEFINITE_MESSAGE = (
     "K must be positive semidefinite, and no massless dof may move freely: {}; check the supports "
     "and the signs, that no penalty exceeds 1e8 times the usual entries, and that the load in K "
     "is below buckling."
 )
 #: Steps of iterative refinement of K's null vectors, each a tenth of the error; inverse iteration
 #: alone stops at the rounding of its solves, 10² to 10⁶ times the rounding of Kr.
-REFINEMENTS = 4
+REFINEMENT_STEPS = 4
 #: A first shift that is more than this too high is replaced: Krylov spaces then converge slowly.
-FAR = 0.1
+SHIFT_EXCESS = 0.1
 
 
 def modes_and_shift(
@@ -311,7 +311,7 @@ def modes_and_shift(
 
     # Block inverse iteration, first far below the top of the spectrum; then again from the
     # elastic value that it finds, so that the shift sits where the modes are.
-    shift = 1e-7 * frequency(K, M)
+    shift = 1e-7 * typical_eigenvalue(K, M)
     rng = np.random.default_rng(comm.rank)
     block = (
         rng.standard_normal((n, 12))
@@ -323,20 +323,22 @@ def modes_and_shift(
     for _ in range(2):
         factor = _solver_if_definite(K, shift, M)
         for _ in range(8):
-            block = orthonormal(comm, M, block)
+            block = orthonormal_basis(comm, M, block)
             block = np.column_stack([factor.solve(c) for c in multiply(M, block).T])
-        block = orthonormal(comm, M, block)
+        block = orthonormal_basis(comm, M, block)
         values, rotation = np.linalg.eigh(dot(comm, block, multiply(K, block)))
         block = block @ rotation
-        zero = np.abs(softness(K, block, multiply(K, block))) < _rigid_softness(K)
+        zero = np.abs(energy_ratios(K, block, multiply(K, block))) < _rigid_energy_limit(K)
         if zero.all():
             raise InputError(
                 f"K has {len(values)} or more null vectors: the matrices hold several loose bodies."
             )
         lowest = float(values[~zero].min())
         if lowest <= np.finfo(float).eps * values[-1]:
-            raise InputError(INDEFINITE.format(f"xᵀK x/xᵀM x = {lowest:.1e} rad²/s² for some x"))
-        shift = SHIFT * lowest
+            raise InputError(
+                INDEFINITE_MESSAGE.format(f"xᵀK x/xᵀM x = {lowest:.1e} rad²/s² for some x")
+            )
+        shift = SHIFT_RATIO * lowest
 
     null_space = block[:, zero]
     if null_vectors is not None and null_vectors.shape[1] != null_space.shape[1]:
@@ -345,10 +347,10 @@ def modes_and_shift(
             " vectors."
         )
 
-    for _ in range(REFINEMENTS):
+    for _ in range(REFINEMENT_STEPS):
         null_space = null_space - factor.solve_block(multiply(K, null_space))
 
-    return orthonormal(comm, M, null_space), shift, None
+    return orthonormal_basis(comm, M, null_space), shift, None
 
 
 def _solver_unless_singular(comm: MPI.Comm, K: Matrix) -> Solver | None:
@@ -364,12 +366,17 @@ def _solver_unless_singular(comm: MPI.Comm, K: Matrix) -> Solver | None:
         return None
 
     X = x[:, None]
-    return None if softness(K, X, multiply(K, X))[0] < _rigid_softness(K) * 1e-3 else factor
+    return (
+        None if energy_ratios(K, X, multiply(K, X))[0] < _rigid_energy_limit(K) * 1e-3 else factor
+    )
 
 
-def _rigid_softness(K: Matrix) -> float:
-    """Largest `softness` of a rigid motion; it is smaller if K is multiplied by its strains."""
-    return RIGID_FORCE**2 if by_strains(K) else RIGID_FORCE
+def _rigid_energy_limit(K: Matrix) -> float:
+    """The energy ratio xᵀKx/xᵀDx below which x counts as a rigid motion; D is the diagonal of K.
+
+    Products with K that are computed from strains round less, so that the limit is lower for them.
+    """
+    return RIGID_FORCE**2 if uses_strains(K) else RIGID_FORCE
 
 
 def _solver_if_definite(K: Matrix, shift: float, M: Matrix) -> Solver:
@@ -378,7 +385,7 @@ def _solver_if_definite(K: Matrix, shift: float, M: Matrix) -> Solver:
         return _solver(sum_of(K, shift, M))
     except NotConvergedError as error:
         raise InputError(
-            INDEFINITE.format(f"K + {shift:.1e} M rad²/s² has no Cholesky factor")
+            INDEFINITE_MESSAGE.format(f"K + {shift:.1e} M rad²/s² has no Cholesky factor")
         ) from error
 
 
@@ -386,7 +393,7 @@ def _solver(A: Matrix) -> Solver:
     return solver_for(A, "auto", lambda: np.zeros((algebra.rows(A), 0)))
 
 
-def orthonormal(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = None) -> Array:
+def orthonormal_basis(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = None) -> Array:
     """M-orthonormal basis (rows, r) of the independent columns of `block` (rows, k).
 
     By Gram–Schmidt; `into`: array for the result.
@@ -400,7 +407,7 @@ def orthonormal(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = No
             column = column - basis[:, :count] @ dot(comm, basis[:, :count], load)
             load = multiply(M, column)
         remaining = np.sqrt(max(float(dot(comm, column, load)), 0.0))
-        if remaining > SPANNED * size:
+        if remaining > INDEPENDENT_SHARE * size:
             basis[:, count] = column / remaining
             count += 1
 
@@ -418,11 +425,11 @@ def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
     blocks = []
     for _ in range(4):
         x = factor.solve_block(multiply(M, x))
-        x = orthonormal(comm, M, x - motions @ dot(comm, motions, multiply(M, x)))
+        x = orthonormal_basis(comm, M, x - motions @ dot(comm, motions, multiply(M, x)))
         blocks.append(x)
 
     # a small structure exhausts the blocks: what rounding leaves of them must not be rigid
-    basis = orthonormal(comm, M, np.hstack([motions, *blocks]))[:, motions.shape[1] :]
+    basis = orthonormal_basis(comm, M, np.hstack([motions, *blocks]))[:, motions.shape[1] :]
     if not basis.shape[1]:  # all motions are rigid
         return float("inf")
 
@@ -430,7 +437,9 @@ def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
 
     # xᵀK x is a sum of terms of the size of xᵀD x, known to ε of that.
     softest = basis @ rotation[:, :1]
-    cancelled = 0.0 if by_strains(K) else norms(comm, roots(K)[:, None] * softest)[0] ** 2
+    cancelled = (
+        0.0 if uses_strains(K) else norms(comm, diagonal_roots(K)[:, None] * softest)[0] ** 2
+    )
 
     rounding = np.finfo(float).eps * (cancelled + values[-1])
     if values[0] <= rounding:
@@ -441,11 +450,11 @@ def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
             "elements)."
         )
 
-    return SHIFT * float(values[0])
+    return SHIFT_RATIO * float(values[0])
 
 
 #: Most times that the shift of a free body is brought closer to its first elastic ω².
-CLOSER = 6
+MOST_SHIFT_STEPS = 6
 
 
 class Plausibility(TypedDict, total=False):
@@ -501,7 +510,7 @@ class StructureMatrices:
         """Rigid-body motions (rows, r) of the unsupported body, where they are known."""
         return np.zeros((algebra.rows(self.K), 0))
 
-    def coarser(self) -> Matrix | None:
+    def prolongation(self) -> Matrix | None:
         """Interpolation matrix from a coarser space to the dofs; None if there is none."""
         return None
 
@@ -513,9 +522,9 @@ class StructureMatrices:
             return factor, shift
 
         factor = self.solver_of(shift, columns)
-        for _ in range(CLOSER if self.rigid_modes.shape[1] else 0):
+        for _ in range(MOST_SHIFT_STEPS if self.rigid_modes.shape[1] else 0):
             new_shift = closer_shift(factor, self.K, self.M, self.rigid_modes)
-            if new_shift >= FAR * shift:
+            if new_shift >= SHIFT_EXCESS * shift:
                 break
             shift = new_shift
             del factor  # there may be no room for two
@@ -527,7 +536,7 @@ class StructureMatrices:
         """A solver of K + shift·M [rad²/s²] for `columns` right-hand sides at once."""
         A = algebra.sum_of(self.K, shift, self.M)
         algebra.free_when_dropped(A)
-        return solver_for(A, self.solver, lambda: self.rigid_motions, self.coarser, columns)
+        return solver_for(A, self.solver, lambda: self.rigid_motions, self.prolongation, columns)
 
     @property
     def mass(self) -> float:
@@ -564,7 +573,7 @@ class StructureMatrices:
         return None
 
     @property
-    def loads_told(self) -> str:
+    def prestress_text(self) -> str:
         """Text on the prestress for descriptions; "" without one."""
         return "" if self.preload is None else f", {self.preload.words}"
 
@@ -574,7 +583,7 @@ class StructureMatrices:
 
 
 #: Digits of coordinates in a file, as a share of the part's size: motions are rigid up to them.
-FILE_DIGITS = 1e-4
+COORDINATE_ROUNDING = 1e-4
 
 
 @dataclass(eq=False)
@@ -627,7 +636,7 @@ class NodalMatrices(StructureMatrices):
         forces = force_ratios(
             self.K, motions[:, is_possible], multiply(self.K, motions[:, is_possible])
         )
-        limits = np.where(np.flatnonzero(is_possible) < 3, RIGID_FORCE**0.5, FILE_DIGITS)
+        limits = np.where(np.flatnonzero(is_possible) < 3, RIGID_FORCE**0.5, COORDINATE_ROUNDING)
         return (point, motions) if (forces < limits).all() else None
 
     @property

@@ -32,14 +32,14 @@ from antiosc.base.checks import (
     text,
 )
 from antiosc.base.errors import InputError
-from antiosc.fem.elements.beam import Beam, on_lines
+from antiosc.fem.elements.beam import Beam, line_weak_form
 from antiosc.fem.elements.weak_form import Parts, WeakForm
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import cells_at, closest, owned
-from antiosc.fem.platform import agree, compat
+from antiosc.fem.mesh.surface import cells_at, closest, owned_entities
+from antiosc.fem.platform import compat, raise_on_all
 from antiosc.fem.structure import Dissipation, in_space
-from antiosc.fem.structure.loads import NEAR, PointMotion, Sparse, motion_at
+from antiosc.fem.structure.loads import SNAP_SHARE, PointMotion, Sparse, motion_at
 from antiosc.fem.structure.support import places_of
 from antiosc.io.matrices import COMPONENTS
 
@@ -52,7 +52,7 @@ def _checked_where(_: str, where: object) -> str | tuple[float, ...]:
 
 
 #: The name that a user gives to an attachment.
-NAME = checked_by(text)
+NAME_CHECK = checked_by(text)
 
 
 def _checked_inertia(name: str, value: object) -> float | tuple[float, ...]:
@@ -133,7 +133,7 @@ class Spring(Checked):
 
     where: str | Sequence[float] = field(metadata=checked_by(_checked_where))
     stiffness: Mapping[str, float] = field(metadata=checked_by(_some_components, "Spring"))
-    name: str | None = field(default=None, kw_only=True, metadata=NAME)
+    name: str | None = field(default=None, kw_only=True, metadata=NAME_CHECK)
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class Damper(Checked):
     damping: Mapping[str, float] = field(metadata=checked_by(_some_components, "Damper"))
     to: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
     tau: float | None = field(default=None, metadata=checked_by(positive, "s"))
-    name: str | None = field(default=None, kw_only=True, metadata=NAME)
+    name: str | None = field(default=None, kw_only=True, metadata=NAME_CHECK)
 
 
 #: What a structure carries at points.
@@ -282,7 +282,7 @@ def terms_of(
     return terms
 
 
-def add(matrix: PETSc.Mat, G: Sparse, values: Array) -> None:
+def add_projected(matrix: PETSc.Mat, G: Sparse, values: Array) -> None:
     """Add Gᵀ diag(values) G to the entries of a distributed matrix. Collective."""
     if not values.any():
         return
@@ -299,7 +299,7 @@ def add(matrix: PETSc.Mat, G: Sparse, values: Array) -> None:
     matrix.assemble()
 
 
-def mesh_points(
+def attachment_motions(
     mesh: Mesh, form: WeakForm, fixed: IntArray, where: str | Sequence[float]
 ) -> list[PointMotion]:
     """The motions of the points of a mesh at which an attachment acts; 0 at fixed dofs."""
@@ -310,7 +310,7 @@ def mesh_points(
                 f"group {where!r} must hold points alone to carry masses or springs; it holds "
                 f"entities of dimension {', '.join(str(dim) for dim in sorted(group))}."
             )
-        owned_nodes = owned(mesh, 0, group[0])
+        owned_nodes = owned_entities(mesh, 0, group[0])
         x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, 0)[owned_nodes, 0]]
         points = np.vstack(mesh.comm.allgather(x))
     elif len(where) < mesh.gdim:
@@ -323,7 +323,7 @@ def mesh_points(
 
     nearest = [closest(mesh, point) for point in points]
     for point, place in zip(points, nearest, strict=True):
-        if place.distance > NEAR * mesh.extent():
+        if place.distance > SNAP_SHARE * mesh.extent():
             raise InputError(
                 f"the point {point_text(point)} of a mass, spring or damper is "
                 f"{place.distance:.3g} m off the structure; its nearest point is "
@@ -333,11 +333,11 @@ def mesh_points(
     free = np.ones(compat.local_size(form.space))
     free[fixed[fixed < len(free)]] = 0.0
     motions = [motion_at(mesh.comm, form, place) for place in nearest]
-    return [replace(one, six=one.six @ scipy.sparse.diags(free)) for one in motions]
+    return [replace(one, functionals=one.functionals @ scipy.sparse.diags(free)) for one in motions]
 
 
 #: Dofs of a beam and of the sheet are the same within this share of the beam's extent.
-SAME_DOF = 1e-7
+SAME_DOF_DISTANCE = 1e-7
 
 
 @dataclass(frozen=True)
@@ -351,14 +351,14 @@ class Stiffener:
     K: PETSc.Mat
     M: PETSc.Mat
     #: T of beam dofs = T · sheet dofs
-    shared: PETSc.Mat
+    sheet_to_beams: PETSc.Mat
     mass: float  # kg
     #: M e for unit accelerations e along x, y, z (rows of the sheet on this rank, 3)
     inertia: Array
 
     def rows_of(self, columns: Array) -> Array:
         """Motions (rows of the beams, k) of the beams for `columns` (rows of the sheet, k)."""
-        return multiply(self.shared, columns)
+        return multiply(self.sheet_to_beams, columns)
 
 
 def beams_on(
@@ -377,9 +377,9 @@ def beams_on(
         )
 
     line = _edge_mesh(mesh, edges, f"the edges of group {name!r}")
-    cells = compat.cell_map(line.dolfinx)
+    cells = compat.cell_index_map(line.dolfinx)
     parts = [(beam, np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32))]
-    form = on_lines(line, parts, 3 if mesh.cell == "triangle" else 2, on_sheet=True)
+    form = line_weak_form(line, parts, 3 if mesh.cell == "triangle" else 2, on_sheet=True)
     T = _shared_dofs(sheet, fixed, edges, form, line)
     K, M = (compat.assemble(forms, form.space, {}, 0.0) for forms in (form.stiffness, form.mass))
     directions = places_of(form).rigid_motions(np.zeros(3))[:, :3]
@@ -391,7 +391,7 @@ def beams_on(
 
 def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
     """A mesh in space of some edges, curved as they are in the sheet."""
-    cell, number = cells_at(mesh, 1, owned(mesh, 1, edges))
+    cell, number = cells_at(mesh, 1, owned_entities(mesh, 1, edges))
     between = [[*ends, middle] for ends, middle in compat.nodes_between(mesh.cell) if len(ends) < 3]
     places = np.array(between)[number, : mesh.order + 1]
     nodes = compat.geometry_nodes(mesh.dolfinx)[cell[:, None], places]
@@ -433,9 +433,9 @@ def _shared_dofs(
     points = form.space.tabulate_dof_coordinates()[: rows // block]
     distance, nearest = scipy.spatial.cKDTree(x).query(points)
     error = None
-    if distance.max(initial=0.0) > SAME_DOF * line.extent():
+    if distance.max(initial=0.0) > SAME_DOF_DISTANCE * line.extent():
         error = InputError(f"{line.name} do not carry the dofs of the sheet.")
-    agree(line.comm, error)
+    raise_on_all(line.comm, error)
 
     is_free = ~is_fixed[nearest]
     ends = np.append(0, np.cumsum(is_free)).astype(PETSc.IntType)

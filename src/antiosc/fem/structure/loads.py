@@ -26,9 +26,9 @@ from antiosc.io.matrices import COMPONENTS
 Sparse: TypeAlias = scipy.sparse.csr_matrix
 
 #: Unit motions (6,) by the names of the components.
-UNIT = dict(zip(COMPONENTS, np.eye(6), strict=True))
+UNIT_MOTIONS = dict(zip(COMPONENTS, np.eye(6), strict=True))
 #: A point this share of the size off the structure, as by a curved mesh, is moved onto it.
-NEAR = 1e-3
+SNAP_SHARE = 1e-3
 #: Values of basis functions below this are rounding.
 ROUNDED_VALUE = 1e-13
 #: Fraction of a direction that may be missing in what a point has of it: rounding.
@@ -97,7 +97,7 @@ def loads(comm: MPI.Comm, form: WeakForm, points: Points, directions: Array) -> 
     return Sparse((value, (row, column)), shape=(size, len(directions)))
 
 
-def stacked(displacements: Sparse, rotations: Sparse) -> Sparse:
+def stacked_rows(displacements: Sparse, rotations: Sparse) -> Sparse:
     """Rows of `displacements` above those of `rotations`."""
     return scipy.sparse.vstack([displacements, rotations]).tocsr()
 
@@ -109,7 +109,7 @@ class PointMotion:
     `space` (6, 6): projection on those that the point has.
     """
 
-    six: Sparse  # (6, n) functionals of the displacement, then of the rotation
+    functionals: Sparse  # (6, n) functionals of the displacement, then of the rotation
     #: (6, 6) projection on those that the point has: one of a solid has no rotation, a site of a
     #: superelement may have one displacement alone
     space: Array
@@ -118,18 +118,18 @@ class PointMotion:
     @cached_property
     def displacements(self) -> Sparse:
         """(3, n) functionals of the displacement."""
-        return self.six[:3]
+        return self.functionals[:3]
 
     @cached_property
     def rotations(self) -> Sparse:
         """(3, n) functionals of the rotation."""
-        return self.six[3:]
+        return self.functionals[3:]
 
     def placed(self, at: Placement) -> PointMotion:
         """This motion in the axes of an assembly, in which the part is placed."""
         R = scipy.linalg.block_diag(at.rotation, at.rotation)
         point = at.placed(self.point[None])[0]
-        return PointMotion((Sparse(R) @ self.six).tocsr(), R @ self.space @ R.T, point)
+        return PointMotion((Sparse(R) @ self.functionals).tocsr(), R @ self.space @ R.T, point)
 
     def has(self, direction: Array) -> bool:
         """Whether the point can move along a unit direction (6,) of displacements and rotations."""
@@ -137,13 +137,13 @@ class PointMotion:
 
     def components(self, names: Sequence[str]) -> Sparse:
         """Functionals of the named displacements and rotations."""
-        return self.six[[COMPONENTS.index(name) for name in names]]
+        return self.functionals[[COMPONENTS.index(name) for name in names]]
 
     def lacking(self, names: Sequence[str]) -> list[str]:
         """The components among `names` that the point does not have."""
-        return [name for name in names if not self.has(UNIT[name])]
+        return [name for name in names if not self.has(UNIT_MOTIONS[name])]
 
-    def turns(self, all_of: Array) -> bool:
+    def has_rotations(self, all_of: Array) -> bool:
         """Whether the point has every rotation in the image of the projection `all_of` (3, 3)."""
         missing_rotations = all_of - all_of @ self.space[3:, 3:] @ all_of
         return bool(np.abs(missing_rotations).max() <= MISSING_SHARE)
@@ -151,7 +151,7 @@ class PointMotion:
     def at(self, point: Array) -> PointMotion:
         """The motion of a point that is rigidly connected to this one."""
         displacements = self.displacements_at(point[None])
-        return replace(self, six=stacked(displacements, self.rotations), point=point)
+        return replace(self, functionals=stacked_rows(displacements, self.rotations), point=point)
 
     def displacements_at(self, points: Array) -> Sparse:
         """Displacements (3P, n) of points (P, 3) that are rigidly connected to this one."""
@@ -160,7 +160,7 @@ class PointMotion:
         return (repeated - arms @ self.rotations).tocsr()
 
 
-def motions_of(form: WeakForm) -> Array:
+def component_projection(form: WeakForm) -> Array:
     """Projection (6, 6) on the displacements and rotations that nodes of this form have."""
     return np.diag([float(name in form.components) for name in COMPONENTS])
 
@@ -174,4 +174,4 @@ def motion_at(comm: MPI.Comm, form: WeakForm, at: ClosestPoint) -> PointMotion:
     six = loads(comm, form, points, np.eye(6)).T.tocsr()
     six.data[np.abs(six.data) < ROUNDED_VALUE] = 0.0
     six.eliminate_zeros()
-    return PointMotion(six, motions_of(form), at.x)
+    return PointMotion(six, component_projection(form), at.x)

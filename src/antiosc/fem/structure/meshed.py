@@ -19,7 +19,7 @@ from antiosc.base.checks import floats, list_of, shown, whole
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.progress import doing
 from antiosc.fem.elements.beam import Beam
-from antiosc.fem.elements.tetrahedra import cell_by_cell
+from antiosc.fem.elements.tetrahedra import cellwise_products
 from antiosc.fem.elements.weak_form import (
     Family,
     Kind,
@@ -28,23 +28,23 @@ from antiosc.fem.elements.weak_form import (
     WeakForm,
     axes_and_sides,
     measure,
-    restricted,
+    restricted_forms,
 )
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.iterative import without_fixed
-from antiosc.fem.linalg.petsc_algebra import CELLS_KEY, by_cells, of_cells
+from antiosc.fem.linalg.petsc_algebra import CELLS_KEY, cell_matrix, uses_cells
 from antiosc.fem.linalg.solver import checked_choice
-from antiosc.fem.linalg.solver_choice import attach
+from antiosc.fem.linalg.solver_choice import use_strain_product
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import (
-    DEGREE,
+    GROUP_DEGREE,
     ClosestPoint,
     ClosestPoints,
     Faces,
     SurfaceAtSites,
     WeightedPoints,
     closest_many,
-    largest,
+    largest_entities,
     mean_thickness,
     quadrature,
 )
@@ -60,13 +60,13 @@ from antiosc.fem.structure import (
 from antiosc.fem.structure.attachments import (
     Attachment,
     Stiffener,
-    add,
+    add_projected,
+    attachment_motions,
     attachments_of,
     beams_on,
-    mesh_points,
     terms_of,
 )
-from antiosc.fem.structure.loads import UNIT
+from antiosc.fem.structure.loads import UNIT_MOTIONS
 from antiosc.fem.structure.support import (
     NO_DOFS,
     NumberedNodes,
@@ -79,7 +79,7 @@ from antiosc.models.motion import Inertia
 T = TypeVar("T")
 
 #: Largest distance of a point on a surface from it, over the size of the part.
-ON_SURFACE = 1e-6
+SURFACE_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,7 @@ class Member:
     def connected(self) -> IntArray:
         """Number of the connected body to which each node belongs (nodes,)."""
         space = self.part.form.space
-        count_cells = compat.cell_map(self.part.mesh.dolfinx).size_local
+        count_cells = compat.cell_index_map(self.part.mesh.dolfinx).size_local
         (path, *_) = self.part.form.components.values()
         nodes = compat.cell_dofs(space, path, np.arange(count_cells)) // self.block
         first = np.repeat(nodes[:, 0], nodes.shape[1] - 1)
@@ -156,7 +156,7 @@ class Member:
     def points_of(self, group: str) -> WeightedPoints:
         """Quadrature points on the highest-dimensional entities of a group, in the assembly."""
         mesh = self.part.mesh
-        points = quadrature(mesh, *largest(mesh, group), DEGREE)
+        points = quadrature(mesh, *largest_entities(mesh, group), GROUP_DEGREE)
         return replace(points, x=self.at.placed(points.x))
 
 
@@ -245,7 +245,7 @@ class MeshedStructure(PartsMatrices):
     #: M e for unit accelerations e along x, y, z, of the attachments alone (rows of this rank, 3)
     attached_inertia: Array
     #: gives the same structure of another mesh with its groups, or with other supports
-    again: Callable[..., MeshedStructure]
+    reassembled: Callable[..., MeshedStructure]
     supports: Sequence[Support] = ()
     #: the beams on the edges of a sheet, by group
     stiffeners: Mapping[str, Stiffener] = field(default_factory=dict)
@@ -313,16 +313,16 @@ class MeshedStructure(PartsMatrices):
 
     @property
     def rigid_motions(self) -> Array:
-        return support.motions(self.form, self.K)
+        return support.rigid_motions(self.form, self.K)
 
-    def coarser(self) -> PETSc.Mat | None:
+    def prolongation(self) -> PETSc.Mat | None:
         """Interpolation from linear to quadratic solids, zero at fixed dofs; None for others."""
         if self.kind.name != "solid" or self.form.degree != 2:
             return None
         rows = compat.local_size(self.form.space)
         fixed = np.isin(np.arange(rows), self.fixed)
-        linear = self.K.getAttr(CELLS_KEY).cells.linear.space if by_cells(self.K) else None
-        return without_fixed(compat.from_linear(self.form.space, linear), fixed)
+        linear = self.K.getAttr(CELLS_KEY).cells.linear.space if uses_cells(self.K) else None
+        return without_fixed(compat.interpolation_from_linear(self.form.space, linear), fixed)
 
     @property
     def mass(self) -> float:
@@ -386,17 +386,17 @@ class MeshedStructure(PartsMatrices):
 
         `radii` (P,) [m] of patches, NaN for a site that is a point.
         """
-        reach = np.where(np.isfinite(radii), radii, ON_SURFACE * self.mesh.extent())
+        reach = np.where(np.isfinite(radii), radii, SURFACE_TOLERANCE * self.mesh.extent())
         return self.faces.contact(points, directions, reach, np.zeros(len(self.faces), dtype=int))
 
     def unsupported(self) -> MeshedStructure:
         """The matrices without supports."""
         with without_warnings():  # it was warned of when the structure was made
-            return self.again(self.mesh, ())
+            return self.reassembled(self.mesh, ())
 
     def part_of_cells(self) -> IntArray:
         """Number in `parts` of the material of each cell of this rank, ghosts included."""
-        imap = compat.cell_map(self.mesh.dolfinx)
+        imap = compat.cell_index_map(self.mesh.dolfinx)
         part = np.zeros(imap.size_local + imap.num_ghosts, dtype=int)
         for number, (_, cells) in enumerate(self.parts):
             part[cells] = number
@@ -437,14 +437,14 @@ class MeshedStructure(PartsMatrices):
         result: list[tuple[int | str, Material, PETSc.Mat]] = []
         for number, (material, cells) in enumerate(self.parts):
             if getattr(material, name, None):
-                forms = restricted(self.form.stiffness, self.mesh, cells)
+                forms = restricted_forms(self.form.stiffness, self.mesh, cells)
                 K = compat.assemble(forms, self.form.space, self.conditions, 0.0)
                 result.append((number, material, K))
 
         for group, lines in self.stiffeners.items():
             beam = lines.parts[0][0]
             if getattr(beam, name, None):
-                result.append((group, beam, lines.K.ptap(lines.shared)))
+                result.append((group, beam, lines.K.ptap(lines.sheet_to_beams)))
 
         return result
 
@@ -452,7 +452,7 @@ class MeshedStructure(PartsMatrices):
         family = " and ".join(sorted({type(material).__name__ for material, _ in self.parts}))
         return (
             f"{self.mesh.name}: {self.mesh.n_cells} {self.mesh.cell} cells, {family}, "
-            f"{dofs} dofs, {self.rigid_modes.shape[1]} rigid-body modes{self.loads_told}"
+            f"{dofs} dofs, {self.rigid_modes.shape[1]} rigid-body modes{self.prestress_text}"
         )
 
 
@@ -471,15 +471,15 @@ def beams_alone(stiffener: Stiffener) -> MeshedStructure:
         parts=stiffener.parts,
         total_mass=0.0,
         attached_inertia=np.zeros((rows, 3)),
-        again=lambda _: beams_alone(stiffener),
+        reassembled=lambda _: beams_alone(stiffener),
     )
 
 
 #: Largest mean thickness of a solid over its size that counts as thin: thicker ones break before
 #: they deflect by half of it.
-THIN = 0.1
+THIN_SHARE = 0.1
 #: Deviation from a line of points that lie on it, over the size of the part.
-ON_LINE = 1e-6
+LINE_TOLERANCE = 1e-6
 
 
 def cells_and_stiffeners(
@@ -515,7 +515,7 @@ def cells_and_stiffeners(
 
 def parts_of(mesh: Mesh, material: object) -> Parts:
     """[(material, cells of this rank)], in which every cell appears once, else InputError."""
-    imap = compat.cell_map(mesh.dolfinx)
+    imap = compat.cell_index_map(mesh.dolfinx)
     n_cells = imap.size_local + imap.num_ghosts
     if not isinstance(material, Mapping):
         return [(_family(material), np.arange(n_cells, dtype=np.int32))]
@@ -559,7 +559,7 @@ def _family(material: object) -> Family:
     return material
 
 
-def assembled(
+def assembled_part(
     mesh: Mesh,
     material: Family | Mapping[str, Family],
     supports: Sequence[Support],
@@ -596,10 +596,10 @@ def assembled(
         raise InputError("the supports fix every dof of the structure: nothing can move.")
 
     with doing(f"assembly of {mesh.n_cells} cells", mesh.comm.rank):
-        by_cells = cell_by_cell(mesh, form, parts, conditions)
+        by_cells = cellwise_products(mesh, form, parts, conditions)
         if by_cells is not None:
-            K = of_cells(by_cells, 1.0, 0.0)
-            M = of_cells(by_cells, 0.0, 1.0)
+            K = cell_matrix(by_cells, 1.0, 0.0)
+            M = cell_matrix(by_cells, 0.0, 1.0)
         else:
             K = compat.assemble(form.stiffness, form.space, conditions, 1.0)
             M = compat.assemble(form.mass, form.space, conditions, 0.0)
@@ -613,20 +613,20 @@ def assembled(
     lines = {name: beams_on(mesh, form, fixed, name, beam, edges) for name, beam, edges in beams}
     kind = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
     for beam in lines.values():
-        added_to_K.axpy(1.0, beam.K.ptap(beam.shared), structure=kind)
-        added_to_M.axpy(1.0, beam.M.ptap(beam.shared), structure=kind)
+        added_to_K.axpy(1.0, beam.K.ptap(beam.sheet_to_beams), structure=kind)
+        added_to_M.axpy(1.0, beam.M.ptap(beam.sheet_to_beams), structure=kind)
 
-    places = partial(mesh_points, mesh, form, fixed)
+    places = partial(attachment_motions, mesh, form, fixed)
     plane = "z" not in form.components
     terms = [term for one in attachments for term in terms_of(one, plane, places)]
     for term in terms:
-        add(added_to_K, term.G, term.k.diagonal())
-        add(added_to_M, term.G, term.m.diagonal())
+        add_projected(added_to_K, term.G, term.k.diagonal())
+        add_projected(added_to_M, term.G, term.m.diagonal())
 
     if form.strains is not None:
         strains, degree = form.strains
         S = compat.strain_matrix(strains, degree, form.space, conditions)
-        _take_by_strains(K, S, added_to_K, fixed)
+        _use_strains(K, S, added_to_K, fixed)
 
     if by_cells is not None:
         by_cells.carries = bool(attachments)
@@ -635,11 +635,11 @@ def assembled(
     mass += sum(term.mass for term in terms) + sum(beam.mass for beam in lines.values())
     inertia = sum((beam.inertia for beam in lines.values()), np.zeros((rows, 3)))
     for term in terms:
-        inertia += term.G.T @ term.m @ [UNIT[name][:3] for name in term.components]
+        inertia += term.G.T @ term.m @ [UNIT_MOTIONS[name][:3] for name in term.components]
 
     springs = [term.G.toarray().T for term in terms if term.k.any()]
     resisted = np.column_stack([np.zeros((rows, 0)), *springs])
-    modes, shift = support.mesh_modes(form, fixed, K, M, resisted)
+    modes, shift = support.modes_and_shift(form, fixed, K, M, resisted)
     if conditions and modes.shape[1]:
         warn(
             mesh.comm,
@@ -650,7 +650,7 @@ def assembled(
     materials_by_group = dict(material) if isinstance(material, Mapping) else material
 
     def reassembled(copy: Mesh, supports: Sequence[Support] = checked_supports) -> MeshedStructure:
-        return assembled(
+        return assembled_part(
             copy, materials_by_group, supports, order=order, attached=attachments, solver=solver
         )
 
@@ -668,7 +668,7 @@ def assembled(
         parts=parts,
         total_mass=mass,
         attached_inertia=inertia,
-        again=reassembled,
+        reassembled=reassembled,
         supports=checked_supports,
         stiffeners=lines,
         dampers=[damper for term in terms for damper in term.dampers(term.G)],
@@ -678,14 +678,14 @@ def assembled(
     )
 
 
-def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat, fixed: IntArray) -> None:
+def _use_strains(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat, fixed: IntArray) -> None:
     """Add `remainder` to K, and compute products with K from the strains S as SᵀS + rest."""
     K.axpy(1.0, remainder, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
     first, last = remainder.getOwnershipRange()
     for dof in fixed[fixed < last - first]:
         remainder.setValue(first + dof, first + dof, 1.0)
     remainder.assemble()
-    attach(K, S, remainder)
+    use_strain_product(K, S, remainder)
 
 
 def _stretched(
@@ -695,10 +695,10 @@ def _stretched(
     sheet = materials[0].kind.sheet
     if sheet:
         thickness = float(min(material.section.thickness for material in materials))
-        wide = ON_LINE * mesh.extent()
+        wide = LINE_TOLERANCE * mesh.extent()
     else:
         thickness = wide = mean_thickness(mesh) if mesh.tdim == 3 else 0.0
-        if not 0 < thickness <= THIN * mesh.extent():
+        if not 0 < thickness <= THIN_SHARE * mesh.extent():
             return None, False
 
     nodes = np.unique(fixed // form.space.dofmap.index_map_bs)

@@ -14,7 +14,7 @@ from antiosc.fem.structure.meshed import Member
 
 #: Parts count as equally near if their distances differ by less than this share of the largest
 #: part's size.
-AS_NEAR = 1e-9
+EQUAL_DISTANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ def places_at(
     nearest = [member.closest(points) for member in members]
     distance = np.array([found.distance for found in nearest])
     size = max(member.part.mesh.extent() for member in members)
-    is_near = distance <= distance.min(axis=0) + AS_NEAR * size
+    is_near = distance <= distance.min(axis=0) + EQUAL_DISTANCE * size
 
     places = []
     for k, direction in enumerate(np.zeros_like(points) if directions is None else directions):
@@ -66,12 +66,12 @@ def places_at(
             for member, found, one in zip(members, nearest, is_near[:, k], strict=True)
             if one
         ]
-        places.append(near[0] if len(near) == 1 else min(near, key=_facing))
+        places.append(near[0] if len(near) == 1 else min(near, key=_facing_cosine))
 
     return places
 
 
-def _facing(place: Place) -> float:
+def _facing_cosine(place: Place) -> float:
     """Cosine between impact and outward normal; 0 without an outside or a direction."""
     part = place.member.part
     if not part.kind.outside or not place.direction.any():

@@ -31,7 +31,7 @@ from antiosc.base.texts import ReprMixin
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import communicator
 from antiosc.fem.linalg.solver import Solver
-from antiosc.fem.platform import ALONE, agree, agreed, alike, collective, of_petsc
+from antiosc.fem.platform import ALONE, collective, done_on_all, is_petsc, raise_on_all, same_ranks
 from antiosc.fem.structure import NodalMatrices, StructureMatrices, modes_and_shift
 from antiosc.io.matrices import DofMap, dof_map, joined_bodies, read_pair, supported_rows
 from antiosc.models.motion import Inertia
@@ -53,7 +53,7 @@ BACKENDS = get_args(Backend)
 Entries: TypeAlias = tuple[IntArray, IntArray, Array]
 
 #: Difference of mirrored entries over √(a_ii a_jj) that the other program may leave by rounding.
-MIRRORED = 1e-9
+MIRROR_TOLERANCE = 1e-9
 #: Share of the typical diagonal entry below which an entry is rounding.
 ENTRY_ROUNDING = 1e-15
 #: A diagonal entry that holds a dof, over the sum of the row's other entries: the dof moves 1e-14
@@ -62,21 +62,21 @@ PENALTY_OVER_ROW = 1e14
 #: The same entry over the typical one of all rows.
 PENALTY_OVER_TYPICAL = 1e12
 #: A coupling that leaves less than four digits of what is coupled.
-DOMINATES = 1e12
+DOMINANT_RATIO = 1e12
 
 
 # -- one matrix
 
 
-def copied(name: str, matrix: Matrix, backend: Backend) -> Matrix:
+def checked_matrix(name: str, matrix: Matrix, backend: Backend) -> Matrix:
     """A checked copy of a square matrix (SciPy, dense or PETSc) in the chosen library."""
     copy: Matrix
 
-    if of_petsc(matrix) or backend == "petsc" or (backend == "auto" and fem.missing is None):
+    if is_petsc(matrix) or backend == "petsc" or (backend == "auto" and fem.missing is None):
         with finite_element_packages():
             from antiosc.fem.linalg import petsc_algebra
-        if of_petsc(matrix):
-            copy = petsc_algebra.copied(name, matrix)
+        if is_petsc(matrix):
+            copy = petsc_algebra.copied_matrix(name, matrix)
         else:
             copy = petsc_algebra.from_csr(name, _csr_of_arrays(name, matrix))
         if backend == "scipy":
@@ -86,10 +86,10 @@ def copied(name: str, matrix: Matrix, backend: Backend) -> Matrix:
     else:
         copy = _csr_of_arrays(name, matrix)
 
-    rows, columns = copy.shape if algebra.by_scipy(copy) else copy.getSize()
+    rows, columns = copy.shape if algebra.is_scipy(copy) else copy.getSize()
     if rows != columns or not rows:
         raise InputError(f"{name} must be square; got {rows} rows and {columns} columns.")
-    agreed(communicator(copy), lambda: _check_values(name, algebra.entries(copy)[2]))
+    done_on_all(communicator(copy), lambda: _check_values(name, algebra.entries(copy)[2]))
     return copy
 
 
@@ -148,12 +148,12 @@ def matrices_of_pair(
     C: Matrix | None = None,
 ) -> tuple[StructureMatrices, Solver | None]:
     """Checked matrices with their supports and null vectors, and the solver of a regular K."""
-    K, M, fixed = supported(K, M)
+    K, M, fixed = with_supports(K, M)
 
     if supports is not None:
         fixed_rows = supported_rows(supports, rows)
-        K = algebra.hold(K, fixed_rows, 1.0)
-        M = algebra.hold(M, fixed_rows, 0.0)
+        K = algebra.fix_rows(K, fixed_rows, 1.0)
+        M = algebra.fix_rows(M, fixed_rows, 0.0)
         fixed = np.union1d(fixed, fixed_rows)
 
     null_vectors = None
@@ -162,13 +162,13 @@ def matrices_of_pair(
     modes, shift, factor = modes_and_shift(K, M, null_vectors)
     parts = K, M, fixed, modes, shift
     if C is not None:
-        C = _damping(C, K, fixed)
+        C = _checked_damping(C, K, fixed)
     if rows is None:
         return StructureMatrices(*parts, C=C), factor
     return NodalMatrices(*parts, C=C, map=rows), factor
 
 
-def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
+def _checked_damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
     """C without the rows of fixed dofs; InputError if it is not a damping matrix."""
     if algebra.size(C) != algebra.size(K) or algebra.row_range(C) != algebra.row_range(K):
         raise InputError(
@@ -178,15 +178,15 @@ def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
 
     _checked_diagonal("C", C)
     first, _ = algebra.row_range(C)
-    return algebra.hold(C, fixed[fixed < algebra.rows(C)] + first, 0.0)
+    return algebra.fix_rows(C, fixed[fixed < algebra.rows(C)] + first, 0.0)
 
 
-def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
+def with_supports(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     """(K, M, dofs of this rank that penalties on K's diagonal fix), with supports in place of
     the penalties.
     """
     comm = communicator(K)
-    same_rows = algebra.size(K) == algebra.size(M) and alike(comm, communicator(M))
+    same_rows = algebra.size(K) == algebra.size(M) and same_ranks(comm, communicator(M))
     if not same_rows or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
         raise InputError(
             "K and M must have the same distribution over the MPI ranks, and one size; got "
@@ -201,12 +201,12 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
             "their rows and columns out."
         )
 
-    constrained = _penalised(K, of_K)
+    constrained = _penalised_dofs(K, of_K)
     first, last = algebra.row_range(K)
     of_rank = constrained[(constrained >= first) & (constrained < last)]
     if len(constrained):
-        K = algebra.hold(K, of_rank, 1.0)
-        M = algebra.hold(M, of_rank, 0.0)
+        K = algebra.fix_rows(K, of_rank, 1.0)
+        M = algebra.fix_rows(M, of_rank, 0.0)
 
     return K, M, of_rank - first
 
@@ -226,9 +226,10 @@ def _checked_diagonal(name: str, matrix: Matrix) -> Array:
 
     row, column, value = _entries(algebra.skew(matrix))
     root = np.sqrt(np.maximum(diagonal, 0.0))
-    bad = np.abs(value) > MIRRORED * root[row] * root[column] + noise
+    bad = np.abs(value) > MIRROR_TOLERANCE * root[row] * root[column] + noise
     text = (
-        f"{name} must be symmetric (to {MIRRORED:g} of √(a_ii a_jj)); its entries ({{0}}, {{1}}) "
+        f"{name} must be symmetric (to {MIRROR_TOLERANCE:g} of √(a_ii a_jj)); its entries "
+        f"({{0}}, {{1}}) "
         "and ({1}, {0}) differ by {2:g}."
     )
     _refuse_entries(comm, bad, (row, column, value), text)
@@ -249,10 +250,10 @@ def _refuse_entries(comm: MPI.Comm, bad: BoolArray, entries: Entries, text: str)
     if bad.any():
         row, column, value = (part[bad][0] for part in entries)
         error = InputError(text.format(row, column, abs(value)))
-    agree(comm, error)
+    raise_on_all(comm, error)
 
 
-def _penalised(K: Matrix, diagonal: Array) -> IntArray:
+def _penalised_dofs(K: Matrix, diagonal: Array) -> IntArray:
     """Dofs that penalties on K's `diagonal` fix; InputError for a penalty that couples two dofs."""
     comm = communicator(K)
     row, column, value = _entries(K)
@@ -266,7 +267,7 @@ def _penalised(K: Matrix, diagonal: Array) -> IntArray:
     # a few penalties do not change the median
     typical = np.median(sizes)
     is_fixed = (diagonal > PENALTY_OVER_ROW * sums) & (diagonal > PENALTY_OVER_TYPICAL * typical)
-    drowns = (size > DOMINATES * typical) & ~is_fixed[row] & ~is_fixed[column]
+    drowns = (size > DOMINANT_RATIO * typical) & ~is_fixed[row] & ~is_fixed[column]
     text = (
         "K couples dofs {0} and {1} by a penalty of {2:g}, which leaves less than four digits of "
         "their own stiffness: take a penalty of at most 1e8 times the usual entries."
@@ -373,12 +374,12 @@ class Structure(ReprMixin):
         start_time = clock()
         with finite_element_packages():
             from antiosc.fem.prestress.state import with_prestress
-            from antiosc.fem.structure.meshed import assembled
+            from antiosc.fem.structure.meshed import assembled_part
 
         options: Options = {
             "order": order, "attached": attached, "solver": solver, "prestress": prestress,
         }  # fmt: skip
-        matrices = assembled(
+        matrices = assembled_part(
             mesh, material, supports, order=order, attached=attached, solver=solver
         )
         if prestress is not None:
@@ -425,11 +426,11 @@ class Structure(ReprMixin):
         """
         start_time = clock()
         choice("backend", backend, BACKENDS)
-        pair = copied("K", K, backend), copied("M", M, backend)
+        pair = checked_matrix("K", K, backend), checked_matrix("M", M, backend)
         if map is not None and algebra.communicator(pair[0]).size > 1:
             raise InputError("matrices with a map must be on one rank, not spread over several.")
         rows = dof_map(map, None, algebra.size(pair[0]))
-        damping = None if C is None else copied("C", C, backend)
+        damping = None if C is None else checked_matrix("C", C, backend)
         return cls._of_pair(pair, rows, supports, rigid_modes, start_time, damping)
 
     @classmethod
@@ -485,7 +486,7 @@ class Structure(ReprMixin):
             bodies.append((read.K, read.M, rows))
 
         stiffness, mass, rows = bodies[0] if len(bodies) == 1 else joined_bodies(bodies)
-        pair = copied("K", stiffness, backend), copied("M", mass, backend)
+        pair = checked_matrix("K", stiffness, backend), checked_matrix("M", mass, backend)
         return cls._of_pair(pair, rows, supports, None, start_time)
 
     @classmethod

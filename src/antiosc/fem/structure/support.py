@@ -23,10 +23,18 @@ from antiosc.base.checks import coordinates, nonnegative, point_text, shown, sto
 from antiosc.base.errors import AccuracyError, InputError
 from antiosc.base.texts import FieldsRepr
 from antiosc.fem.elements.weak_form import WeakForm
-from antiosc.fem.linalg.algebra import dot, force_ratios, frequency, multiply
+from antiosc.fem.linalg.algebra import dot, force_ratios, multiply, typical_eigenvalue
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import agreed, bounds, compat
-from antiosc.fem.structure import MOVE, RIGID_FORCE, SHIFT, TURN, DofPlaces, in_space, orthonormal
+from antiosc.fem.platform import bounds, compat, done_on_all
+from antiosc.fem.structure import (
+    MOVE,
+    RIGID_FORCE,
+    SHIFT_RATIO,
+    TURN,
+    DofPlaces,
+    in_space,
+    orthonormal_basis,
+)
 
 Where = str | Callable[[Array], BoolArray]
 
@@ -77,7 +85,12 @@ class Support(FieldsRepr):
         given_places = [name for name, value in places.items() if value is not None]
         if len(given_places) > 1:
             raise InputError(f"a Support takes one of {', '.join(places)}; got {given_places}.")
-        regions = {"near": ball, "box": _box, "plane": _plane, "nodes": NumberedNodes.of}
+        regions = {
+            "near": ball_region,
+            "box": box_region,
+            "plane": plane_region,
+            "nodes": NumberedNodes.of,
+        }
         if given_places and given_places[0] in regions:
             store(self, where=regions[given_places[0]](places[given_places[0]]))
 
@@ -168,7 +181,7 @@ def _dofs_of_support(
 
     dofs, x = compat.dof_coordinates(form.space, path)
     size = {"size": mesh.extent()} if isinstance(support.where, Region) else {}
-    return dofs[agreed(mesh.comm, lambda: support.selected(x, **size))]
+    return dofs[done_on_all(mesh.comm, lambda: support.selected(x, **size))]
 
 
 def dofs_of_entities(
@@ -220,7 +233,7 @@ class NumberedNodes:
 
 
 #: What lies outside a region by this share of the size of the mesh belongs to it.
-AT_FACE = 1e-6
+REGION_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -234,24 +247,24 @@ class Region:
         """Mask of the points x (3, n) in the region; `size`: size of the mesh, m."""
         if size is None:
             size = float(np.linalg.norm(np.ptp(x, axis=1))) if x.shape[1] else 0.0
-        return np.asarray(self.outside(x) <= AT_FACE * size)
+        return np.asarray(self.outside(x) <= REGION_TOLERANCE * size)
 
 
-def ball(value: object) -> Region:
+def ball_region(value: object) -> Region:
     """The region near=(point, radius)."""
     point, radius = _pair("near", value, "(point, radius), as ((0, 0, 0.1), 5e-3)")
     centre = in_space(coordinates("the point of near", point))
     radius = nonnegative("the radius of near", radius)
     return Region(
-        f"within {radius:g} m of {point_text(centre)}", partial(_off_ball, centre, radius)
+        f"within {radius:g} m of {point_text(centre)}", partial(_outside_ball, centre, radius)
     )
 
 
-def _off_ball(centre: Array, radius: float, x: Array) -> Array:
+def _outside_ball(centre: Array, radius: float, x: Array) -> Array:
     return np.asarray(np.linalg.norm(x - centre[:, None], axis=0) - radius)
 
 
-def _box(value: object) -> Region:
+def box_region(value: object) -> Region:
     """The region box=(lower, upper)."""
     pair = _pair("box", value, "(lower, upper), as ((0, 0, 0), (0.1, 0.2, 0.05))")
     lower, upper = (in_space(coordinates("a corner of box", corner)) for corner in pair)
@@ -262,14 +275,14 @@ def _box(value: object) -> Region:
         )
 
     words = f"in the box from {point_text(lower)} to {point_text(upper)}"
-    return Region(words, partial(_off_box, lower, upper))
+    return Region(words, partial(_outside_box, lower, upper))
 
 
-def _off_box(lower: Array, upper: Array, x: Array) -> Array:
+def _outside_box(lower: Array, upper: Array, x: Array) -> Array:
     return np.asarray(np.maximum(lower[:, None] - x, x - upper[:, None]).max(axis=0))
 
 
-def _plane(value: object) -> Region:
+def plane_region(value: object) -> Region:
     """The region plane=(point, normal)."""
     pair = _pair("plane", value, "(point, normal), as ((0, 0, 0), (0, 0, 1))")
     point, normal = (
@@ -282,10 +295,10 @@ def _plane(value: object) -> Region:
 
     normal_text = ", ".join(f"{c:g}" for c in normal / length)
     words = f"on the plane through {point_text(point)} across ({normal_text})"
-    return Region(words, partial(_off_plane, point, normal / length))
+    return Region(words, partial(_outside_plane, point, normal / length))
 
 
-def _off_plane(point: Array, normal: Array, x: Array) -> Array:
+def _outside_plane(point: Array, normal: Array, x: Array) -> Array:
     return np.asarray(np.abs(normal @ (x - point[:, None])))
 
 
@@ -296,20 +309,20 @@ def _pair(name: str, value: object, form: str) -> tuple[object, object]:
 
 
 #: Share of a field's square on the fixed dofs below which it vanishes there; rounding: 1e-16.
-VANISHING = 1e-13
+VANISHING_SHARE = 1e-13
 #: Share of a field that is left without its rigid part, above which it strains; rounding: 1e-15.
 STRAINING_SHARE = 1e-9
 #: Share of the largest of some eigenvalues below which rounding makes them up.
-DOMINATED = 1e-14
+DOMINATED_SHARE = 1e-14
 
 
-def mesh_modes(
+def modes_and_shift(
     form: WeakForm, fixed: IntArray, K: PETSc.Mat, M: PETSc.Mat, springs: Array
 ) -> tuple[Array, float]:
     """(M-orthonormal rigid-body modes (rows, r) that no spring resists, shift [rad²/s²])."""
     comm: MPI.Comm = K.getComm().tompi4py()
-    modes = _vanishing(comm, motions(form, K), fixed, springs)
-    modes = orthonormal(comm, M, modes)
+    modes = _vanishing_combinations(comm, rigid_motions(form, K), fixed, springs)
+    modes = orthonormal_basis(comm, M, modes)
     if not modes.shape[1]:
         return modes, 0.0
 
@@ -323,11 +336,11 @@ def mesh_modes(
 
     low, high = bounds(comm, form.space.tabulate_dof_coordinates())
     fields = places_of(form).polynomials(comm, (low + high) / 2, float((high - low).max()))
-    fields = _vanishing(comm, fields, fixed, springs)
-    return modes, SHIFT * first_elastic(comm, K, M, fields, modes)
+    fields = _vanishing_combinations(comm, fields, fixed, springs)
+    return modes, SHIFT_RATIO * first_elastic_estimate(comm, K, M, fields, modes)
 
 
-def motions(form: WeakForm, K: PETSc.Mat) -> Array:
+def rigid_motions(form: WeakForm, K: PETSc.Mat) -> Array:
     """Rigid-body motions (rows of this rank, r) of the unsupported body, scaled to like size."""
     low, high = bounds(K.getComm().tompi4py(), form.space.tabulate_dof_coordinates())
     rigid = places_of(form).rigid_motions((low + high) / 2)
@@ -345,7 +358,9 @@ def places_of(form: WeakForm) -> DofPlaces:
     return DofPlaces(nodes, node, np.tile(axes, (len(nodes), 1)), np.tile(kind, len(nodes)))
 
 
-def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -> Array:
+def _vanishing_combinations(
+    comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array
+) -> Array:
     """Combinations of `fields` (rows, k) that are 0 at `fixed` dofs and do not strain springs."""
     scale = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", fields, fields)))
     if not scale.all():
@@ -359,13 +374,13 @@ def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -
         return fields
 
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
-    combinations = (vectors / scale[:, None])[:, values < VANISHING]
+    combinations = (vectors / scale[:, None])[:, values < VANISHING_SHARE]
     result = fields @ combinations
     result[owned_fixed] = 0.0
     return result
 
 
-def first_elastic(
+def first_elastic_estimate(
     comm: MPI.Comm, K: PETSc.Mat, M: PETSc.Mat, fields: Array, motions: Array
 ) -> float:
     """Rayleigh–Ritz estimate of the lowest elastic ω² [rad²/s²] by trial `fields` (rows, k).
@@ -383,11 +398,11 @@ def first_elastic(
             fields[:, count] = elastic
             count += 1
 
-    basis = orthonormal(comm, M, fields[:, :count], into=fields)
+    basis = orthonormal_basis(comm, M, fields[:, :count], into=fields)
     stiffness = [dot(comm, basis, multiply(K, column)) for column in basis.T]
     values = np.linalg.eigvalsh(np.array(stiffness).reshape(len(stiffness), -1))
     if not len(values):
-        return frequency(K, M)
+        return typical_eigenvalue(K, M)
 
     # Below the rounding of the largest nothing is told: `closer_shift` comes after.
-    return float(max(values[0], DOMINATED * values[-1]))
+    return float(max(values[0], DOMINATED_SHARE * values[-1]))

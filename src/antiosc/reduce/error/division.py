@@ -45,18 +45,18 @@ from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.finer import (
-    KIND_OF,
+    KIND_OF_SHAPE,
     divisible,
     edge_lengths,
     gathered,
     graded_sizes,
     halved,
+    halving_scheme,
     refined,
     refined_near,
-    scheme,
 )
 from antiosc.fem.mesh.reading import flattened, read_mesh, sound
-from antiosc.fem.mesh.surface import mean_thickness, measures
+from antiosc.fem.mesh.surface import mean_thickness, volume_and_surface
 from antiosc.fem.platform import bounds, compat, on_root, warn
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh, structure_with
@@ -115,7 +115,7 @@ class Division:
         solver = fine.factorize(weights.shape[1])
         errors = statics(fine, solver, forces @ weights) - motions @ weights
         part = on_mesh(fine)
-        energies = compat.quadratic(
+        energies = compat.cell_energies(
             part.form.stiffness, part.form.space, errors, np.ones(errors.shape[1]), 4
         )
         parent = np.asarray(part.mesh.dolfinx.topology.original_cell_index) // 2**part.mesh.tdim
@@ -166,7 +166,7 @@ def divided(matrices: MeshedParts) -> Structure:
         with without_warnings(), doing("a mesh of half the size, for the error bar"):
             part = matrices.members()[0].part
             groups, supports = _without_numbers(part)
-            fine = part.again(finer(replace(part.mesh, groups=groups)), supports)
+            fine = part.reassembled(finer(replace(part.mesh, groups=groups)), supports)
             _divided[matrices] = structure_with(fine, start_time)
 
     return _divided[matrices]
@@ -241,7 +241,7 @@ def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.
 def _places_of_halves(part: MeshedStructure) -> Array:
     """Reference coordinates (h, functions, dim) of the nodes of the h cells that divide a cell."""
     corners = part.mesh.geometry.corners
-    shape = scheme(part.mesh.cell)
+    shape = halving_scheme(part.mesh.cell)
     lattice = np.vstack([corners, *(corners[vertices].mean(axis=0) for vertices in shape.members)])
     kind = getattr(basix.CellType, part.mesh.cell)
     linear, of_part = (
@@ -316,7 +316,7 @@ class OfMesh(MeshSource):
 
     def thickness(self) -> float:
         """Twice the volume over the surface [m]; of other cells than simplices least extent."""
-        if self.coarsest.cell in KIND_OF:
+        if self.coarsest.cell in KIND_OF_SHAPE:
             return super().thickness()
         low, high = bounds(self.coarsest.comm, self.coarsest.dolfinx.geometry.x)
         return float(np.min((high - low)[: self.coarsest.gdim]))
@@ -351,7 +351,9 @@ class OfGeometry(MeshSource):
         coarse = self.coarsest
         self._refine = refine
         share = {2: 4 / 3**0.5, 3: 6 * 2**0.5}[coarse.tdim]
-        coarsest_size = (share * measures(coarse)[0] / MOST_FIRST_CELLS) ** (1 / coarse.tdim)
+        coarsest_size = (share * volume_and_surface(coarse)[0] / MOST_FIRST_CELLS) ** (
+            1 / coarse.tdim
+        )
         size_field = wished_sizes(coarse, max(size, coarsest_size) / edge_lengths(coarse))
 
         return self._meshed(coarse, size_field, FIRST_GRADING)

@@ -30,7 +30,7 @@ from antiosc.base import process
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, NotConvergedError
 from antiosc.fem.assembly import MeshedParts
-from antiosc.fem.elements.solid import voigt_in
+from antiosc.fem.elements.solid import voigt_stiffness
 from antiosc.fem.linalg.algebra import conjugate_gradients, dot
 from antiosc.fem.linalg.solver import SHELL_BYTES, bytes_of_shells
 from antiosc.fem.platform import compat
@@ -87,7 +87,7 @@ class Recovery:
     def of_cells(self, model: AntiOscillators, weights: Array) -> Array:
         """Energy (cells of this rank,) of errors of the shapes combined by `weights` (p + N, k)."""
         ((member, shapes),) = self._matrices.fields(np.asarray(model.shapes) @ weights)
-        energies = np.zeros(compat.cell_map(member.part.mesh.dolfinx).size_local)
+        energies = np.zeros(compat.cell_index_map(member.part.mesh.dolfinx).size_local)
         for cells, errors in strain_errors(member.part, shapes):
             energies[cells] = np.einsum("cmk,cmk->c", errors, errors)
         return energies
@@ -141,10 +141,10 @@ def strain_errors(part: MeshedStructure, shapes: Array) -> Iterator[tuple[IntArr
 
 def _regions(part: MeshedStructure) -> Iterator[tuple[Array, IntArray]]:
     """Yield (R, cells of this rank) for each different stiffness RᵀR of the part."""
-    owned = compat.cell_map(part.mesh.dolfinx).size_local
+    owned = compat.cell_index_map(part.mesh.dolfinx).size_local
     regions: dict[bytes, tuple[Array, list[IntArray]]] = {}
     for material, cells in part.parts:
-        root = np.linalg.cholesky(voigt_in(material, part.mesh.gdim)).T
+        root = np.linalg.cholesky(voigt_stiffness(material, part.mesh.gdim)).T
         regions.setdefault(root.tobytes(), (root, []))[1].append(cells[cells < owned])
 
     for root, groups in regions.values():
@@ -162,7 +162,7 @@ class Strains:
         self.X, weights = compat.quadrature(
             mesh.cell, PRODUCT_DEGREE if by_products else RULE_DEGREE
         )
-        owned = compat.cell_map(mesh.dolfinx).size_local
+        owned = compat.cell_index_map(mesh.dolfinx).size_local
         slopes = mesh.geometry.slopes(self.X)[: 1 if mesh.geometry.affine else None]
         J = np.swapaxes(mesh.geometry.nodes[:owned, :, : mesh.gdim], 1, 2)[:, None] @ slopes
         self._inverse = np.linalg.inv(J)
@@ -206,7 +206,7 @@ class Projection:
     def __init__(self, strains: Strains, cells: IntArray) -> None:
         mesh = strains.mesh
         self._comm = mesh.comm
-        self._space = compat.lagrange(mesh.dolfinx, 1, 0)
+        self._space = compat.lagrange_space(mesh.dolfinx, 1, 0)
         self._table = compat.tabulate(self._space, (), strains.X)
         self._corners = compat.cell_dofs(self._space, (0,), cells)
         self._weights = strains.weights[cells]
@@ -388,7 +388,7 @@ def flat_cells(part: MeshedStructure) -> str:
     entities = (
         compat.exterior_facets(mesh.dolfinx)
         if part.kind.outside
-        else np.arange(compat.cell_map(mesh.dolfinx).size_local)
+        else np.arange(compat.cell_index_map(mesh.dolfinx).size_local)
     )
     angles = _angles(mesh.dolfinx.geometry.x, compat.entity_vertices(mesh.dolfinx, dim)[entities])
     small = angles[(angles > SMOOTH_ANGLES[0]) & (angles < SMOOTH_ANGLES[1])]

@@ -26,15 +26,15 @@ from antiosc.base._types import Array, IntArray, Matrix
 from antiosc.base.errors import NotConvergedError
 from antiosc.base.progress import doing
 from antiosc.fem.linalg.algebra import (
-    by_scipy,
-    by_strains,
     diagonal,
     dot,
-    frequency,
     gathered,
+    is_scipy,
     multiply,
     norm,
     row_range,
+    typical_eigenvalue,
+    uses_strains,
 )
 from antiosc.fem.platform import on_root
 from antiosc.fem.structure.structure import Structure
@@ -282,7 +282,7 @@ class ModeSolver:
             structure, self._held, shapes, count - known_count, self.limit - known_count
         )
         text = f"search of {search.computed} modes of {structure.dofs} dofs"
-        method = _by_arpack if by_scipy(structure.K) else _by_slepc
+        method = _by_arpack if is_scipy(structure.K) else _by_slepc
         with doing(text, structure.comm.rank), structure.factorize(EQUIVALENT_SITES).accurately():
             values, vectors = method(search)
 
@@ -303,7 +303,7 @@ class ModeSolver:
         modes = Modes(omega[order], phi[:, order], complete)
 
         # those of slender beams span so many decades of ω² that the first show in the last
-        modes = _polished(structure, modes) if by_strains(structure.K) else modes
+        modes = _polished(structure, modes) if uses_strains(structure.K) else modes
         limit = allowed(structure, modes) if self._held is None else LOST_CONSTRAINT
         right = residuals(structure, modes, self._held) <= limit
         if not right.all() and structure.size <= DENSE_MANY:
@@ -324,7 +324,7 @@ class ModeSolver:
         free_rows = np.setdiff1d(np.arange(self._rows), structure.fixed)
         parts = comm.gather((first + free_rows, conditions[free_rows])) or []
         K, M = (gathered(matrix, 0) for matrix in (structure.K, structure.M))
-        sigma = float(np.sqrt(self._lowest() * frequency(structure.K, structure.M)))
+        sigma = float(np.sqrt(self._lowest() * typical_eigenvalue(structure.K, structure.M)))
 
         def all_modes() -> tuple[Array, Array]:
             """(ω, shapes) of all modes from the gathered matrices, on one rank."""

@@ -429,13 +429,14 @@ def _with_second_order(structure: Structure, model: AntiOscillators) -> AntiOsci
     part = cast("MeshedStructure", structure.matrices)
     if not part.kind.sheet:
         return model
-    from antiosc.fem.elements.second_order import quadratic_share  # needs dolfinx
+    from antiosc.fem.elements.second_order import relative_stiffening  # needs dolfinx
 
     assert model.shapes is not None
     C = np.linalg.inv(model.k0_matrix)
     deflections = model.shapes[:, : len(C)] @ C / C.diagonal()
     by_site = {
-        site: quadratic_share(part, deflections[:, i], 1 / C[i, i]) for i, site in enumerate(sites)
+        site: relative_stiffening(part, deflections[:, i], 1 / C[i, i])
+        for i, site in enumerate(sites)
     }
     if not any(by_site.values()):
         return model

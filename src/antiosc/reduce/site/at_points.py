@@ -17,7 +17,7 @@ from antiosc.base.errors import ChoiceWarning, InputError, SiteError, without_wa
 from antiosc.base.texts import engineering, point_text
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assemble import eliminate
-from antiosc.fem.assembly.assembled import AssembledMatrices, group_of, point_in
+from antiosc.fem.assembly.assembled import AssembledMatrices, group_of, located_point
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import dot, multiply, norm
 from antiosc.fem.mesh.surface import (
@@ -106,7 +106,7 @@ def places_of(matrices: MeshedParts, sites: Sequence[Site]) -> list[Place | Poin
         direction = None if site.direction is None else in_space(site.direction)
         end = None
         if site.face is None:
-            x, part, end = point_in(matrices, site.point, site.part, site.node)
+            x, part, end = located_point(matrices, site.point, site.part, site.node)
         else:
             member, group = group_of(matrices, site.face)
             own, along = struck_point(member.part.faces, group)

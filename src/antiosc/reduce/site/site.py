@@ -227,7 +227,7 @@ def point_of(
 
     if node is not None:
         node = checks.whole("node", node)
-    return assembled.point_in(with_parts(structure), cast("str | None", point), part, node)
+    return assembled.located_point(with_parts(structure), cast("str | None", point), part, node)
 
 
 def motions_without_mesh(
@@ -240,14 +240,14 @@ def motions_without_mesh(
             f"{', '.join(MOTIONS)}."
         )
 
-    from antiosc.fem.structure.loads import UNIT  # needs dolfinx
+    from antiosc.fem.structure.loads import UNIT_MOTIONS  # needs dolfinx
 
     matrices = cast("AssembledMatrices", structure.matrices)
     plane = matrices.layout.plane
     rotated = quantity == "rotation"
 
     names = ROTATIONS[2 * plane :] if rotated else DISPLACEMENTS[: 3 - plane]
-    if not all(end.has(UNIT[name]) for name in names):
+    if not all(end.has(UNIT_MOTIONS[name]) for name in names):
         raise InputError(
             f"the {quantity} of {name!r} is not known"
             + (

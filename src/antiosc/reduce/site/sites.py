@@ -28,7 +28,7 @@ from antiosc.fem.mesh.surface import (
 )
 from antiosc.fem.platform import warn
 from antiosc.fem.structure.loads import Points, loads
-from antiosc.fem.structure.meshed import ON_SURFACE, MeshedStructure
+from antiosc.fem.structure.meshed import SURFACE_TOLERANCE, MeshedStructure
 from antiosc.models.body import CUT, NEAR
 
 #: Rings of a disc's quadrature in addition to those that the size of the cells requires. With too
@@ -219,7 +219,7 @@ def located(
         faces = structure.faces
         labels = structure.part_of_cells()[faces.cells]
         if not has_radius[patch].all():
-            reach = np.full(count, ON_SURFACE * mesh.extent())
+            reach = np.full(count, SURFACE_TOLERANCE * mesh.extent())
             part = faces.contact(points, directions, reach, labels).label
             radii = np.where(has_radius, radii, default_radii[part])
 
