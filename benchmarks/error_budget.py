@@ -33,7 +33,7 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.impact.error_budget import amplitudes
 from antiosc.impact.histories.bars import QUANTITIES, differences
-from antiosc.reduce.error.division import growth, ratios, source_of
+from antiosc.reduce.error.division import cell_growth, mesh_source, size_ratios
 from antiosc.reduce.error.model_errors import ModelErrors
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
@@ -183,7 +183,7 @@ def effectivity_of_stiffness(model: ao.AntiOscillators, true: ao.AntiOscillators
 
 def reference(case, path, site, structure, struck, goal):  # type: ignore[no-untyped-def]
     """A model on an adapted mesh of degree 2 with at most this share of errors in its energy."""
-    source = source_of(path)
+    source = mesh_source(path)
     mesh = source.first(case.size, [(site.point, case.radius)])
     for _ in range(ROUNDS):
         part = structure(mesh, 2)
@@ -209,8 +209,8 @@ def finer(part, model, hit, goal, order, most):  # type: ignore[no-untyped-def]
     # also the first shape, whose stiffness is compared
     first = ModelErrors(part).of_cells(model, np.eye(len(values))[:, :2])
     energies = energies / energies.sum() + first / first.sum()
-    ratio = ratios(mesh.comm, energies, goal, order, mesh.tdim)
-    grown = growth(mesh.comm, ratio, mesh.tdim)
+    ratio = size_ratios(mesh.comm, energies, goal, order, mesh.tdim)
+    grown = cell_growth(mesh.comm, ratio, mesh.tdim)
     return ratio * max(1.0, grown / most) ** (1 / mesh.tdim)
 
 

@@ -31,7 +31,7 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.impact.histories.bars import differences
 from antiosc.plot.charts import few_log_ticks
-from antiosc.reduce.error.division import source_of
+from antiosc.reduce.error.division import mesh_source
 
 #: The grid of fixed choices: sizes over the scene's, anti-oscillators, time tolerances.
 SIZES, COUNTS, STEPS = (2.0, 1.0, 0.6), (6, 12, 20), (1e-2, 1e-3)
@@ -78,7 +78,7 @@ def main(
 
 def truth(scene: Scene, path: Path, dofs: int) -> tuple[Row, ao.History]:
     """The impact on the corrected model of an adapted mesh of degree 2, its dofs and its bar."""
-    source = source_of(path, 2)
+    source = mesh_source(path, 2)
     mesh = source.first(2 * scene.size, [(scene.site.point, scene.site.radius)])
     for turn in range(ROUNDS):
         part = scene.structure(mesh, 2)

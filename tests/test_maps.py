@@ -23,8 +23,8 @@ from antiosc.base.stresses import DEVIATOR, equivalent
 from antiosc.models.body import NO_RESULT
 from antiosc.models.free_modes import stiffness_error
 from antiosc.reduce.site import functional
-from antiosc.reduce.site.map_sites import sites_of, surface
-from antiosc.reduce.site.sites import located
+from antiosc.reduce.site.map_sites import sites_of, surface_sample
+from antiosc.reduce.site.sites import located_sites
 from antiosc.strikes import impact_map as maps, map_stresses
 from antiosc.strikes.map_results import hardest
 
@@ -90,14 +90,14 @@ def test_bound_against_direct_extraction(steel, mapped):
 @pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
 def test_loads_of_a_surface_are_those_of_single_sites(cell):
     structure = block(cell=cell)
-    ground = surface(structure, "top")
+    ground = surface_sample(structure, "top")
     np.testing.assert_allclose(ground.normals[:, 2].max(), 1.0)
     push = np.tile([0.6, 0.0, -0.8], (len(ground.points), 1))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for radius in (None, 0.02):
             radii = np.full(len(push), np.nan if radius is None else radius)
-            found = located(structure, ground.points, push, radii)
+            found = located_sites(structure, ground.points, push, radii)
             inner = np.flatnonzero((found.share > 0.99) & (found.moving > 0.1))
             assert len(inner) > 3
             for i in inner[::4]:
@@ -243,9 +243,9 @@ def test_a_patch_has_its_centre_at_the_site_on_any_mesh():
 def test_curved_patch_carries_a_unit_force():
     mesh = ao.read_mesh(MESHES / "bracket.msh")
     part = ao.Structure(mesh, ao.Solid(**parts.ALUMINIUM))
-    ground = surface(part, "eye")
+    ground = surface_sample(part, "eye")
     along = np.tile([0.0, 0.0, 1.0], (len(ground.points), 1))
-    found = located(part, ground.points, along, np.full(len(along), 4e-3))
+    found = located_sites(part, ground.points, along, np.full(len(along), 4e-3))
     # b'u of a unit translation along z is 1, and its first moment is the patch's centre
     z = np.zeros(found.loads.shape[0])
     z[2::3] = 1.0

@@ -12,7 +12,7 @@ from antiosc.fem.mesh.reading import sound
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.io.neutral import CELL_KINDS, RawMesh
-from antiosc.reduce.error.division import finer
+from antiosc.reduce.error.division import divided_mesh
 from parts import gmsh_cube
 
 pytestmark = pytest.mark.fem
@@ -91,7 +91,7 @@ def test_repeated_halves_of_a_tetrahedron_have_three_shapes_at_most():
 def test_curved_cells_of_a_part_are_divided_with_their_sides(tmp_path):
     """The mesh of an error estimate has the order of the part's."""
     mesh = ao.read_mesh(gmsh_cube(tmp_path / "q.msh", "quadrilateral", 2, bent=True), gdim=3)
-    fine = finer(mesh)
+    fine = divided_mesh(mesh)
     assert (fine.n_cells, fine.order) == (4 * mesh.n_cells, 2)
     assert set(fine.groups) == set(mesh.groups)
 

@@ -57,7 +57,7 @@ from antiosc.models.modal import superposed
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors
 from antiosc.recovery.series import with_pvd, write_frames
-from antiosc.reduce.extraction import statics
+from antiosc.reduce.extraction import elastic_response
 from antiosc.reduce.site.site import Site
 
 #: A warning is given if the shapes of a model represent less than this share of the mass that the
@@ -414,9 +414,9 @@ def reactions(
     times_checked = times_of(history, times)
     sites = _site_list(site)
     matrices = with_parts(structure, "given matrices have lost the dofs of their supports.")
-    from antiosc.reduce.site.at_points import Released  # needs dolfinx
+    from antiosc.reduce.site.at_points import ReleasedSupports  # needs dolfinx
 
-    released = Released(matrices, structure.supports)
+    released = ReleasedSupports(matrices, structure.supports)
     scene = history.assembly.scene
     if stretch_in(history, body) is not None:
         raise InputError(
@@ -431,7 +431,7 @@ def reactions(
         )
 
     solver = structure.factorize(released.pulled.shape[1])
-    support_motions = statics(structure, solver, released.pulled)
+    support_motions = elastic_response(structure, solver, released.pulled)
     support_motions[structure.fixed[structure.fixed < structure.rows]] = 0.0
     rigid = released.rigid()
     support_inertia, rigid_inertia = released.inertia(support_motions, rigid)

@@ -37,7 +37,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.parameters import has_bars
 from antiosc.recovery import source
 from antiosc.recovery.place import NO_OUTLINE, Place, Reach, on_outlines, place
-from antiosc.reduce.site.site import motions_without_mesh, point_of
+from antiosc.reduce.site.site import located_point, motions_without_mesh
 
 #: The quantities of `probe`.
 PROBED_QUANTITIES = (
@@ -171,7 +171,7 @@ def probe(
     checks.instance("structure", structure, Structure, "a Structure")
     position = place(surface, layer, fibre, axes, stiffener)
     reach = _reach(point, snap)
-    x, part, end = point_of(structure, point, part, node)
+    x, part, end = located_point(structure, point, part, node)
     shapes = shapes_of(structure, history, body)
     sample_times = times_of(history, times)
     if end is None:
@@ -221,7 +221,7 @@ def probed_point(
 
     InputError for a point that is off the structure.
     """
-    x, part, end = point_of(structure, point, part, node)
+    x, part, end = located_point(structure, point, part, node)
     reach = _reach(point, snap)
     if end is not None:
         return None
@@ -293,7 +293,7 @@ def strain_gauge(
     if not np.linalg.norm(d):
         raise InputError("direction must not be the zero vector: the gauge measures along it.")
     d /= np.linalg.norm(d)
-    x, part, end = point_of(structure, point, part)
+    x, part, end = located_point(structure, point, part)
     if end is not None:
         raise InputError(f"{point!r} is a point without a mesh: a gauge needs the cells of a part.")
     nodes, weights = np.polynomial.legendre.leggauss(GAUGE_POINTS)

@@ -26,7 +26,7 @@ from antiosc.impact.two_bodies import BAND_OVER_PULSE, impact_band
 from antiosc.models.body import AUTO, AnyLaw, LinearBody, law_of
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.map_sites import resolved_radius
-from antiosc.reduce.site.surface import PlaneOf, surface_at
+from antiosc.reduce.site.surface import StructurePlane, surface_at
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
@@ -85,7 +85,7 @@ def _carrying_radius(
 ) -> float | None:
     """Radius [m] of a patch that carries the force of the striker on a rigid wall."""
     load = functional(structure, site)
-    face = PlaneOf(structure, surface_at(structure, load.point, load.direction, site.radius))
+    face = StructurePlane(structure, surface_at(structure, load.point, load.direction, site.radius))
     law = law_of(contact, face, striker)
 
     pulse = BAND_OVER_PULSE / (2 * impact_band(striker, law))

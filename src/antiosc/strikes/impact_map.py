@@ -63,7 +63,7 @@ from antiosc.models.body import (
 )
 from antiosc.models.free_modes import SiteModels
 from antiosc.reduce.site.sites import doubtful_patches
-from antiosc.reduce.site.surface import PlaneOf, surface_at
+from antiosc.reduce.site.surface import StructurePlane, surface_at
 from antiosc.strikes.free_sites import BAND_FACTOR, FreeSites, free_sites
 from antiosc.strikes.map_results import (
     ImpactMap,
@@ -251,7 +251,7 @@ def impact_map(
 
 def on_plane(structure: Structure, impactor: LinearBody | None, contact: AnyLaw) -> ContactLaw:
     """The law `contact`; for "auto" the law of the impactor on a flat face of the structure."""
-    return law_of(contact, PlaneOf(structure), impactor)
+    return law_of(contact, StructurePlane(structure), impactor)
 
 
 def _laws(
@@ -270,7 +270,7 @@ def _laws(
             with contextlib.suppress(InputError):
                 patch = None if np.isnan(radius) else radius
                 of_site = surface_at(structure, point, direction, patch)
-            body = PlaneOf(structure, of_site)
+            body = StructurePlane(structure, of_site)
             try:
                 laws.append(law_of(AUTO, body, impactor))
             except InputError:

@@ -46,7 +46,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import AUTO, AnyLaw, LinearBody
 from antiosc.models.motion import Motion
 from antiosc.reduce.error import division
-from antiosc.reduce.error.division import MeshSource, source_of
+from antiosc.reduce.error.division import MeshSource, mesh_source
 from antiosc.reduce.error.model_errors import ModelErrors
 from antiosc.reduce.extraction.extract import extract
 from antiosc.reduce.site.site import Site
@@ -230,7 +230,9 @@ def struck(
         divided = partial(stress.divided, source)
         return _with_stresses(hit, source, stress_tol, divided, site, result.n)
 
-    place = source_of(source if isinstance(source, Mesh) else checks.path("source", source), order)
+    place = mesh_source(
+        source if isinstance(source, Mesh) else checks.path("source", source), order
+    )
     site, mesh = _first_mesh(place, site, impactor, material, order)
     before: Answer | None = None
     n = FIRST_N
@@ -487,13 +489,13 @@ def _next_mesh(
     structure = answer.structure
     dim = mesh.tdim
     energies = _errors_of_cells(answer, mesh)
-    ratio = division.ratios(mesh.comm, energies, min(goal, MOST_GOAL_RATIO), order, dim)
+    ratio = division.size_ratios(mesh.comm, energies, min(goal, MOST_GOAL_RATIO), order, dim)
 
-    growth = full_growth = division.growth(mesh.comm, ratio, dim)
+    growth = full_growth = division.cell_growth(mesh.comm, ratio, dim)
     if growth > GROWTH:
         goal = goal * (growth / GROWTH) ** (2 * order / dim)
-        ratio = division.ratios(mesh.comm, energies, min(goal, MOST_GOAL_RATIO), order, dim)
-        growth = division.growth(mesh.comm, ratio, dim)
+        ratio = division.size_ratios(mesh.comm, energies, min(goal, MOST_GOAL_RATIO), order, dim)
+        growth = division.cell_growth(mesh.comm, ratio, dim)
 
     growth = max(growth, 1.0)
     dofs = structure.dofs * max(full_growth, 1.0)

@@ -246,9 +246,9 @@ class Fall(Result):
         if body.structure is None or body.basis is None:
             return checks.floats("at", at, (3,)) - body.centre, rigid
         from antiosc.extension import Reach, source
-        from antiosc.reduce.site.site import point_of
+        from antiosc.reduce.site.site import located_point
 
-        x, part, _ = point_of(body.structure, at, None)
+        x, part, _ = located_point(body.structure, at, None)
         reach = Reach("the point", np.inf if isinstance(at, str) else None)
         fields = source(body.structure)
         return x - body.centre, fields.at_point(body.structure, body.basis, x, part, reach)

@@ -90,11 +90,11 @@ def _downward(body: FreeBody, kind: str, argument: object) -> Array:
 def _group(body: FreeBody, name: str) -> Array:
     """The mean outward normal of a group of faces."""
     from antiosc.extension import on_mesh
-    from antiosc.reduce.site.map_sites import surface
+    from antiosc.reduce.site.map_sites import surface_sample
 
     assert body.structure is not None
     part = on_mesh(body.structure, 'an assembly has no groups of its own: name a face as "-z".')
-    normal = surface(part, name).normals.sum(axis=0)
+    normal = surface_sample(part, name).normals.sum(axis=0)
     size = float(np.linalg.norm(normal))
     if size < 1e-9:
         raise InputError(

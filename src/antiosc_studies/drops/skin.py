@@ -138,9 +138,9 @@ def points_skin(points: Array) -> Skin:
 
 def mesh_skin(part: MeshedStructure) -> Skin:
     """The surface of one mesh."""
-    from antiosc.reduce.site.map_sites import surface
+    from antiosc.reduce.site.map_sites import surface_sample
 
-    ground = surface(part, None)
+    ground = surface_sample(part, None)
     x = ground.points
     normals = ground.normals
     count = ground.elements.shape[1]

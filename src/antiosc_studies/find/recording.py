@@ -20,7 +20,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
 from antiosc.base.texts import FieldsRepr
 from antiosc.extension import Reach, place, source
-from antiosc.reduce.site.site import point_of
+from antiosc.reduce.site.site import located_point
 from antiosc_studies.measured.tables import MOTIONS, STRAINS, TIMES, table
 
 #: Quantity of a sensor -> order of the time derivative of displacement.
@@ -85,7 +85,7 @@ def sensor_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
     """Displacement along a sensor, or its strain, (J,) for shapes (rows of this rank, J)."""
     d = np.pad(sensor.direction, (0, 3 - len(sensor.direction)))
     d = d / np.linalg.norm(d)
-    x, part, end = point_of(structure, sensor.point, sensor.part)
+    x, part, end = located_point(structure, sensor.point, sensor.part)
     if end is not None:
         raise InputError(f"{sensor.point!r} has no mesh: a sensor sits on the mesh of a part.")
 

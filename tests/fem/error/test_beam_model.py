@@ -9,7 +9,7 @@ import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.impact.histories.bars import QUANTITIES
-from antiosc.reduce.error.division import finer, interpolation
+from antiosc.reduce.error.division import divided_mesh, interpolation_matrix
 from parts import frame, line
 
 BEAM = ao.Beam(210e9, 0.3, 7850.0, ao.Section.rectangle(0.03, 0.03))
@@ -73,8 +73,8 @@ def test_bars_of_an_impact_hold(order):
 @pytest.mark.parametrize("order", [1, 2])
 def test_interpolated_rigid_motions_have_no_strain(order):
     part = on_mesh(ao.Structure(frame(*IN_SPACE, 3), BEAM, order=order))
-    fine = part.reassembled(finer(part.mesh))
-    up = interpolation(part, fine)
+    fine = part.reassembled(divided_mesh(part.mesh))
+    up = interpolation_matrix(part, fine)
     K = csr(fine.K)
     assert np.allclose(up @ np.ones(up.shape[1]), 1.0)
     moved = up @ part.rigid_modes

@@ -10,7 +10,7 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.reduce.error.model_errors import _angles, gram, strain_errors
+from antiosc.reduce.error.model_errors import _angles, error_energies, strain_errors
 from parts import CELLS, STEEL, box, named, plate
 
 pytestmark = pytest.mark.filterwarnings(
@@ -93,8 +93,8 @@ def test_strains_jump_between_materials_without_an_error():
 
     two = ao.Structure(mesh, {"left": stiff, "right": soft}, [ao.Support(lambda x: x[0] < 1e-9)])
     one = ao.Structure(mesh, stiff, [ao.Support(lambda x: x[0] < 1e-9)])
-    smeared = gram(on_mesh(one), nodal(one, field))[0, 0]
-    assert abs(gram(on_mesh(two), nodal(two, field))[0, 0]) < 1e-9 * smeared
+    smeared = error_energies(on_mesh(one), nodal(one, field))[0, 0]
+    assert abs(error_energies(on_mesh(two), nodal(two, field))[0, 0]) < 1e-9 * smeared
 
 
 def test_a_bar_in_closed_form():
@@ -112,7 +112,7 @@ def test_a_bar_in_closed_form():
         mass[i : i + 2, i : i + 2] += h / 6 * np.array([[2, 1], [1, 2]])
         load[i : i + 2] += strain[i] * h / 2
     error = h * strain @ strain - load @ np.linalg.solve(mass, load)
-    assert gram(on_mesh(bar), u)[0, 0] == pytest.approx(E * area * error, rel=1e-9)
+    assert error_energies(on_mesh(bar), u)[0, 0] == pytest.approx(E * area * error, rel=1e-9)
     assert of_cells(bar, u).sum() == pytest.approx(E * area * error, rel=1e-6)
 
 
@@ -163,8 +163,8 @@ def test_strains_of_degree_one_have_no_error(cell, order):
     structure = part(cell, order)
     A = np.array([[1.0, 2.0, -1.0], [0.5, -1.0, 3.0], [2.0, 1.0, 1.0]])
     u = nodal(structure, lambda x: (x**order) @ A + (x[:, :1] * x[:, 1:2] if order == 2 else 0.0))
-    scale = np.sum(gram(on_mesh(structure), nodal(structure, lambda x: np.sin(40 * x))))
-    assert abs(gram(on_mesh(structure), u)[0, 0]) < 1e-9 * scale
+    scale = np.sum(error_energies(on_mesh(structure), nodal(structure, lambda x: np.sin(40 * x))))
+    assert abs(error_energies(on_mesh(structure), u)[0, 0]) < 1e-9 * scale
     assert of_cells(structure, u).max() < 1e-12 * scale
 
 
@@ -172,6 +172,6 @@ def test_strains_of_degree_one_have_no_error(cell, order):
 def test_cells_add_up_to_the_whole(cell):
     structure = part(cell, 2)
     shapes = np.random.default_rng(1).normal(size=(structure.rows, 3))
-    whole = gram(on_mesh(structure), shapes)
+    whole = error_energies(on_mesh(structure), shapes)
     assert np.linalg.eigvalsh(whole).min() > 0
     assert of_cells(structure, shapes).sum() == pytest.approx(np.trace(whole), rel=1e-9)

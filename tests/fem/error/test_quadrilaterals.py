@@ -9,8 +9,8 @@ import antiosc as ao
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.impact.histories.bars import QUANTITIES, differences
-from antiosc.reduce.error.division import divided, interpolation
-from antiosc.reduce.extraction import statics
+from antiosc.reduce.error.division import divided_structure, interpolation_matrix
+from antiosc.reduce.extraction import elastic_response
 from marks import FREE_ON_PURPOSE
 from sheets import NU as nu, RHO as rho, E, at, plate, sheet
 
@@ -53,17 +53,17 @@ def test_the_divided_mesh_has_all_motions_of_the_mesh_on_the_same_surface(shape,
     """The mass of any motion, rigid motions, and what the supports hold are those of the mesh."""
     shell = ao.Shell(**ALUMINIUM, thickness=0.02)
     part = on_mesh(ao.Structure(mesh_of(shape, (6, 4), order), shell, ENDS["simple"]))
-    fine = on_mesh(divided(part))
+    fine = on_mesh(divided_structure(part))
     assert fine.mesh.n_cells == 4 * part.mesh.n_cells
     motions = np.random.default_rng(1).standard_normal((part.rows, 3))
     motions[part.fixed] = 0.0
-    on_fine = interpolation(part, fine) @ motions
+    on_fine = interpolation_matrix(part, fine) @ motions
     assert np.abs(on_fine[fine.fixed]).max() < 1e-12
     mass = motions.T @ multiply(part.M, motions)
     rounding = (1e-3 if order > 1 else 1e-9) * np.trace(mass)  # curved cells: points of integration
     assert on_fine.T @ multiply(fine.M, on_fine) == pytest.approx(mass, abs=rounding)
     x = part.places.rigid_motions(np.zeros(3))
-    assert interpolation(part, fine) @ x == pytest.approx(
+    assert interpolation_matrix(part, fine) @ x == pytest.approx(
         fine.places.rigid_motions(np.zeros(3)), abs=1e-9
     )
 
@@ -81,7 +81,7 @@ def test_answers_of_a_free_shell_are_those_of_one_held_at_points_up_to_a_rigid_m
         ((0.5, 0.0, 0.5), ("z",)),
     ]
     held = ao.Structure(mesh, shell, [ao.Support(near=(x, 1e-6), fix=fix) for x, fix in corners])
-    energy = forces.T @ statics(free, free.factorize(), forces)
+    energy = forces.T @ elastic_response(free, free.factorize(), forces)
     forces[held.fixed] = 0.0  # their reactions vanish
     assert energy == pytest.approx(forces.T @ held.factorize().solve_block(forces), rel=1e-4)
 

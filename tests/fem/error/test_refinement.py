@@ -19,12 +19,12 @@ from antiosc.fem.mesh.finer import (
 from antiosc.fem.platform import compat
 from antiosc.io.isolation import SIZE_GRADING
 from antiosc.reduce.error.division import (
+    ERROR_POWER,
     LEAST_LINES,
-    POWER,
-    growth,
+    cell_growth,
     longest_line,
-    ratios,
-    source_of,
+    mesh_source,
+    size_ratios,
     volume_and_surface,
     wished_sizes,
 )
@@ -78,14 +78,14 @@ def test_divided_cells_keep_part_and_groups(cell):
 @pytest.mark.parametrize(("order", "dim"), [(1, 2), (2, 2), (1, 3), (2, 3)])
 def test_ratios_promise_the_goal_with_fewer_cells(order, dim):
     energies = np.random.default_rng(0).uniform(0.5, 2.0, 500)
-    s = ratios(MPI.COMM_SELF, energies, 0.1, order, dim)
+    s = size_ratios(MPI.COMM_SELF, energies, 0.1, order, dim)
     new = energies * s ** (2 * order)
     assert new.sum() == pytest.approx(0.1 * energies.sum(), rel=1e-9)
     # equal errors of the new cells, if those fall with this power of the size
-    each = energies * s ** (POWER[dim] + dim)
+    each = energies * s ** (ERROR_POWER[dim] + dim)
     np.testing.assert_allclose(each, each[0], rtol=1e-9)
     uniform = 0.1 ** (1 / (2 * order))
-    assert growth(MPI.COMM_SELF, s, dim) < uniform**-dim
+    assert cell_growth(MPI.COMM_SELF, s, dim) < uniform**-dim
 
 
 GEO = """
@@ -99,7 +99,7 @@ Physical Curve("left") = {4};
 @pytest.mark.slow
 def test_gmsh_follows_a_field_of_sizes(tmp_path):
     (tmp_path / "sheet.geo").write_text(GEO)
-    source = source_of(tmp_path / "sheet.geo")
+    source = mesh_source(tmp_path / "sheet.geo")
     assert source.thickness() == pytest.approx(2 * 0.03 / 0.8)
     mesh = source.first(0.03, [((0.3, 0.1), 0.01)])
     ratio = np.where(centres(mesh)[:, 0] < 0.1, 0.25, 1.0)
@@ -116,7 +116,7 @@ def test_gmsh_follows_a_field_of_sizes(tmp_path):
 @pytest.mark.slow
 def test_coarse_curved_cells_do_not_cut_cylinders_off():
     bracket = Path(__file__).parents[3] / "meshes" / "bracket.geo"
-    source = source_of(bracket)
+    source = mesh_source(bracket)
     mesh = source.first(2 * source.thickness(), [((0.02, 0.04, 0.075), 0.002)])
     masses = [ao.Structure(m, ao.Solid(**STEEL)).total_mass for m in (mesh, ao.read_mesh(bracket))]
     assert masses[0] == pytest.approx(masses[1], rel=5e-4)
@@ -143,14 +143,14 @@ def test_cells_around_points_have_the_sizes_of_the_points():
         return np.array(sizes)
 
     assert graded_sizes(mesh, points) == pytest.approx(asked(mesh), rel=1e-12)
-    fine = source_of(mesh).first(1.0, points)
+    fine = mesh_source(mesh).first(1.0, points)
     assert fine.n_cells > 4 * mesh.n_cells
     assert (asked(fine) / edge_lengths(fine)).min() >= DIVIDED_RATIO
     near = np.linalg.norm(corners(fine).mean(axis=1)[:, :2] - (0.1, 0.1), axis=1) < 0.03
     assert edge_lengths(fine)[near].max() < 0.02 / DIVIDED_RATIO
     far = corners(fine).mean(axis=1)[:, 0] < 0.02
     assert edge_lengths(fine)[far].max() > 0.05
-    assert source_of(mesh).first(1.0, []) is mesh
+    assert mesh_source(mesh).first(1.0, []) is mesh
     whole = gathered(fine, edge_lengths(fine))
     assert whole is not None
     raw, values = whole
@@ -171,7 +171,7 @@ Line(1) = {1, 2}; Line(2) = {2, 3}; Physical Curve("rods") = {1, 2};
 def test_geometries_of_lines_are_meshed_more_finely(tmp_path):
     path = tmp_path / "rods.geo"
     path.write_text(GEOMETRY)
-    source = source_of(path)
+    source = mesh_source(path)
     diagonal = np.hypot(1.0, 0.5)
     assert source.extent() == pytest.approx(diagonal)
     first = source.first(1.0, [((0.41, 0.0), 0.01)])

@@ -10,7 +10,7 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.reduce.extraction.superposition import DENSE_MANY
+from antiosc.reduce.extraction.superposition import MOST_DENSE_ROWS
 from antiosc.reduce.site import functional
 from marks import FREE_ON_PURPOSE
 
@@ -99,9 +99,9 @@ def test_bad_input():
         ao.superposition(part, ao.Site(dof=0), 3)
     import scipy.sparse as sp
 
-    n = DENSE_MANY + 1
+    n = MOST_DENSE_ROWS + 1
     big = ao.Structure.from_matrices(sp.identity(n), sp.identity(n))
-    with pytest.raises(ao.InputError, match=f"at most {DENSE_MANY} dofs; got {n}"):
+    with pytest.raises(ao.InputError, match=f"at most {MOST_DENSE_ROWS} dofs; got {n}"):
         ao.full(big, ao.Site(dof=0))
 
 

@@ -18,7 +18,7 @@ import antiosc as ao
 import parts
 from antiosc.fem.mesh.surface import Faces
 from antiosc.reduce.site import functional, sites
-from antiosc.reduce.site.map_sites import surface
+from antiosc.reduce.site.map_sites import surface_sample
 
 SIZE = np.array([0.04, 0.04, 0.02])
 TOP = (0.02, 0.02, 0.02)
@@ -154,7 +154,7 @@ def test_the_triangles_of_a_body_cover_its_surface_once(cell):
     """Every edge lies in two of them, and their areas add up to that of the box."""
     sides = (0.12, 0.05, 0.04)
     part = ao.Structure(parts.box((3, 2, 2), sides, cell), ao.Solid(**parts.STEEL), order=1)
-    found = surface(part.matrices, None)
+    found = surface_sample(part.matrices, None)
     triangles = found.elements.tolist()
     edges = Counter(frozenset(pair) for a, b, c in triangles for pair in ((a, b), (b, c), (c, a)))
     assert set(edges.values()) == {2}
@@ -202,13 +202,13 @@ def test_the_impact_does_not_depend_on_the_patch(block):
 @pytest.mark.parametrize("count", [1, 2, 5, 12])
 def test_rules_of_patches_are_exact(count):
     """Moments of Hertz's pressure on a disc, and on a segment (Catalan numbers)."""
-    x, w = sites.segment(count)
+    x, w = sites.segment_rule(count)
     assert (x.shape, w.sum()) == ((count, 1), pytest.approx(1))
     for k in range(count):
         exact = factorial(2 * k) / factorial(k) / factorial(k + 1) / 4**k
         assert w @ x[:, 0] ** (2 * k) == pytest.approx(exact)
         assert w @ x[:, 0] ** (2 * k + 1) == pytest.approx(0, abs=1e-14)
-    x, w = sites.disc(count)
+    x, w = sites.disc_rule(count)
     assert (x.shape, w.sum()) == ((2 * count**2, 2), pytest.approx(1))
     radial = 1.0  # 3 ∫ (1 - s²)^k s² ds
     for k in range(max(1, count - 1)):

@@ -12,7 +12,7 @@ import antiosc as ao
 import parts
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.reduce.site import functional
-from antiosc.reduce.site.sites import located, warn_of_doubts
+from antiosc.reduce.site.sites import located_sites, warn_of_doubts
 from marks import FREE_ON_PURPOSE
 from parts import STEEL, box
 
@@ -167,7 +167,9 @@ def part():
 def told(part, count=3, **facts) -> list[str]:
     """The warnings of some sites with patches that are sound but for these facts."""
     points = np.tile([0.1, 0.05, 0.1], (count, 1))
-    places = located(part, points, np.tile([0.0, 0.0, -1.0], (count, 1)), np.full(count, 0.04))
+    places = located_sites(
+        part, points, np.tile([0.0, 0.0, -1.0], (count, 1)), np.full(count, 0.04)
+    )
     sound = {"size": 0.01, "share": 1.0, "moving": 1.0, "local": 1e-9, "radii": 0.04}
     arrays = {name: np.full(count, value) for name, value in sound.items()}
     arrays |= {name: np.array(values) for name, values in facts.items()}

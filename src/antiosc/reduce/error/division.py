@@ -67,7 +67,7 @@ from antiosc.io.neutral import RawMesh
 from antiosc.io.reading import read
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import site_points
-from antiosc.reduce.extraction import statics
+from antiosc.reduce.extraction import elastic_response
 from antiosc.reduce.site import functionals
 from antiosc.reduce.site.site import Site
 
@@ -82,7 +82,7 @@ UNLIMITED_SIZE = 1e6
 #: Growth and reach of the small sizes at the site in the first mesh of a geometry.
 FIRST_GRADING = (0.5, 1.5)
 #: Those in all further meshes, where they only keep the patch resolved.
-GRADING = (0.7, 1.5)
+LATER_GRADING = (0.7, 1.5)
 #: Least number of lines on the longest diagonal of a part, as many as `advise` takes.
 LEAST_LINES = 8
 
@@ -100,8 +100,8 @@ class Division:
     def missed(self, model: AntiOscillators) -> tuple[Array, Array | None]:
         """(energies (p + N, p + N) [N/m] that a model's shapes lack by the mesh, surplus ones)."""
         fine, _motions, forces = self._shapes_and_loads(model)
-        flexibility = forces.T @ statics(fine, fine.factorize(forces.shape[1]), forces)
-        lack, surplus = lacking(model.stiffness, flexibility)
+        flexibility = forces.T @ elastic_response(fine, fine.factorize(forces.shape[1]), forces)
+        lack, surplus = lacking_energies(model.stiffness, flexibility)
 
         struck = self._matrices.members()[0].part
         order = struck.form.degree if struck.mesh.tdim == 1 else 1
@@ -113,7 +113,7 @@ class Division:
         """Energy (cells,) of the errors of the shapes combined by `weights` (p + N, k)."""
         fine, motions, forces = self._shapes_and_loads(model)
         solver = fine.factorize(weights.shape[1])
-        errors = statics(fine, solver, forces @ weights) - motions @ weights
+        errors = elastic_response(fine, solver, forces @ weights) - motions @ weights
         part = on_mesh(fine)
         energies = compat.cell_energies(
             part.form.stiffness, part.form.space, errors, np.ones(errors.shape[1]), 4
@@ -125,9 +125,9 @@ class Division:
 
     def _shapes_and_loads(self, model: AntiOscillators) -> tuple[Structure, Array, Array]:
         """(divided structure, shapes of the model on it (rows, p + N), loads that cause them)."""
-        fine = divided(self._matrices)
+        fine = divided_structure(self._matrices)
         parts = self._matrices.members()[0].part, on_mesh(fine)
-        motions = np.asarray(interpolation(*parts) @ np.asarray(model.shapes))
+        motions = np.asarray(interpolation_matrix(*parts) @ np.asarray(model.shapes))
 
         # k0 at the sites, and inertia forces with their reactions
         p = model.n_sites
@@ -159,14 +159,14 @@ def _sites_of(model: AntiOscillators) -> list[Site]:
     ]
 
 
-def divided(matrices: MeshedParts) -> Structure:
+def divided_structure(matrices: MeshedParts) -> Structure:
     """The structure on a mesh with each cell divided; it is made once for each `matrices`."""
     if matrices not in _divided:
         start_time = clock()
         with without_warnings(), doing("a mesh of half the size, for the error bar"):
             part = matrices.members()[0].part
             groups, supports = _without_numbers(part)
-            fine = part.reassembled(finer(replace(part.mesh, groups=groups)), supports)
+            fine = part.reassembled(divided_mesh(replace(part.mesh, groups=groups)), supports)
             _divided[matrices] = structure_with(fine, start_time)
 
     return _divided[matrices]
@@ -186,7 +186,7 @@ def _without_numbers(part: MeshedStructure) -> tuple[dict[str, dict[int, IntArra
     return groups, supports
 
 
-def lacking(stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
+def lacking_energies(stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
     """Positive and negative part (k, k) of `flexibility` - `stiffness`: lacking, surplus energies.
 
     `stiffness` (k, k): energies of shapes; `flexibility` (k, k): energies that the loads of these
@@ -208,7 +208,7 @@ def lacking(stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
 # -- the divided mesh
 
 
-def finer(mesh: Mesh) -> Mesh:
+def divided_mesh(mesh: Mesh) -> Mesh:
     """The mesh on one rank with each cell divided into h cells; those of cell c (in the input's
     numbering) are h c … h c + h - 1."""
     whole = gathered(mesh, np.zeros(mesh.n_cells))
@@ -216,7 +216,7 @@ def finer(mesh: Mesh) -> Mesh:
     return distributed(halved(whole[0]), mesh.name, mesh.comm)
 
 
-def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:
+def interpolation_matrix(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:
     """Matrix (rows of `fine`, rows of `part`) that interpolates displacements of `part`."""
     places = _places_of_halves(part)
     input_number = np.asarray(fine.mesh.dolfinx.topology.original_cell_index)
@@ -282,27 +282,27 @@ class MeshSource(ABC):
         return self.finer(mesh, np.minimum(graded_sizes(mesh, refine) / edge_lengths(mesh), 1.0))
 
 
-def source_of(source: str | Path | Mesh, order: int = 2) -> MeshSource:
+def mesh_source(source: str | Path | Mesh, order: int = 2) -> MeshSource:
     """The source of meshes for a file or a mesh; `order`: of the cells that a geometry gets."""
     if isinstance(source, Mesh):
         if source.tdim == 1:
-            return OfLines(source)
-        return OfMesh(source)
+            return LineMeshes(source)
+        return GivenMesh(source)
 
     path = Path(source)
     if path.suffix.lower() in GEOMETRY_ENDINGS:
-        geometry = OfGeometry(path, order)
+        geometry = GeometryMeshes(path, order)
         if geometry.coarsest.tdim == 1:
-            return OfLines(geometry.coarsest, path)
+            return LineMeshes(geometry.coarsest, path)
         return geometry
 
     mesh = read_mesh(path)
     if mesh.tdim == 1:
-        return OfLines(mesh)
-    return OfMesh(mesh)
+        return LineMeshes(mesh)
+    return GivenMesh(mesh)
 
 
-class OfMesh(MeshSource):
+class GivenMesh(MeshSource):
     """A given mesh: straight simplices are bisected; meshes of other cells stay as they are."""
 
     def __init__(self, mesh: Mesh) -> None:
@@ -330,7 +330,7 @@ class OfMesh(MeshSource):
         return refined(mesh, ratio)
 
 
-class OfGeometry(MeshSource):
+class GeometryMeshes(MeshSource):
     """A geometry, which gmsh meshes anew for each mesh."""
 
     def __init__(self, path: Path, order: int) -> None:
@@ -368,7 +368,7 @@ class OfGeometry(MeshSource):
             )
             size_field = replace(size_field, sizes=sizes.tolist())
 
-        return self._meshed(mesh, size_field, GRADING)
+        return self._meshed(mesh, size_field, LATER_GRADING)
 
     def _meshed(self, like: Mesh, wished: SizeField | None, grading: Sequence[float]) -> Mesh:
         """A mesh with the sizes `wished`, which grow by `grading`; dimension of `like`."""
@@ -405,7 +405,7 @@ class OfGeometry(MeshSource):
         return on_root(MPI.COMM_WORLD, work)
 
 
-class OfLines(MeshSource):
+class LineMeshes(MeshSource):
     """A mesh of lines, all of which are halved, or a geometry of lines, which is meshed anew."""
 
     def __init__(self, mesh: Mesh, path: Path | None = None) -> None:
@@ -433,7 +433,7 @@ class OfLines(MeshSource):
         if self._path is not None:
             return read_mesh(self._path, size=self._size, order=1, comm=self.coarsest.comm)
         while longest_line(mesh) > (1 + 1e-9) * self._size:
-            mesh = finer(mesh)
+            mesh = divided_mesh(mesh)
         return mesh
 
 
@@ -459,18 +459,18 @@ def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
 
 
 #: Least ratio of sizes in one step.
-FINEST = 0.15
+LEAST_SIZE_RATIO = 0.15
 #: Largest ratio of sizes in one step: coarse cells do not become much coarser, since their errors
 #: would grow by more than expected.
-COARSEST = 1.3
+LARGEST_SIZE_RATIO = 1.3
 #: q by dimension: power of the size by which the energy of errors falls where it is largest.
-POWER = {1: 4.0, 2: 2.0, 3: 1.0}
+ERROR_POWER = {1: 4.0, 2: 2.0, 3: 1.0}
 #: The search for log λ covers this range about the value for cells with the mean error.
-WIDEST = 50.0
+SEARCH_RANGE = 50.0
 
 
-def ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -> Array:
-    """New over old size of each cell of this rank (cells,), at least `FINEST`.
+def size_ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -> Array:
+    """New over old size of each cell of this rank (cells,), at least `LEAST_SIZE_RATIO`.
 
     `energies` (cells,): errors η²; `goal`: required over present sum of all errors; `order`: of the
     elements; `dim`: of the mesh.
@@ -481,25 +481,25 @@ def ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -
     if total == 0:
         return np.ones(len(energies))
     share = np.maximum(energies / (total / count), np.finfo(float).tiny)
-    optimal = share ** (-1 / (POWER[dim] + dim))
+    optimal = share ** (-1 / (ERROR_POWER[dim] + dim))
 
     def sizes(scale: float) -> Array:
         """Ratios of new to old cell sizes for the logarithm `scale` of λ (see the module)."""
-        return np.asarray(np.clip(exp(scale) * optimal, FINEST, COARSEST))
+        return np.asarray(np.clip(exp(scale) * optimal, LEAST_SIZE_RATIO, LARGEST_SIZE_RATIO))
 
     def error_excess(scale: float) -> float:
         """Total error for the logarithm `scale` over the present one, minus the goal."""
         total_error = float(np.sum(sizes(scale) ** (2 * order) * energies))
         return float(comm.allreduce(total_error)) / total - goal
 
-    if error_excess(-WIDEST) >= 0:
-        return sizes(-WIDEST)
-    if error_excess(WIDEST) <= 0:
-        return sizes(WIDEST)
-    return sizes(brentq(error_excess, -WIDEST, WIDEST, xtol=1e-12, rtol=1e-14))
+    if error_excess(-SEARCH_RANGE) >= 0:
+        return sizes(-SEARCH_RANGE)
+    if error_excess(SEARCH_RANGE) <= 0:
+        return sizes(SEARCH_RANGE)
+    return sizes(brentq(error_excess, -SEARCH_RANGE, SEARCH_RANGE, xtol=1e-12, rtol=1e-14))
 
 
-def growth(comm: MPI.Comm, ratio: Array, dim: int) -> float:
+def cell_growth(comm: MPI.Comm, ratio: Array, dim: int) -> float:
     """Number of cells after a change of cell sizes by `ratio` (cells,), over the present number."""
     n_new, n_old = comm.allreduce(np.array([np.sum(ratio ** -float(dim)), float(len(ratio))]))
     return float(n_new / n_old)

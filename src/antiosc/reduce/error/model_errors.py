@@ -40,7 +40,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.parameters import JOINTED
 from antiosc.reduce.error.division import Division
 from antiosc.reduce.site.site import Functional
-from antiosc.reduce.site.sites import WHOLE_PATCH, Sites, located
+from antiosc.reduce.site.sites import WHOLE_PATCH_SHARE, Sites, located_sites
 
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
@@ -52,17 +52,17 @@ RULE_DEGREE, PRODUCT_DEGREE = 2, 4
 #: Numbers in a block of arrays in memory at once (2 MB), which stay in a cache.
 BLOCK_NUMBERS = 250_000
 #: Components of the strains (ε11, ε22, ε33, γ23, γ13, γ12), or in the plane (ε11, ε22, γ12).
-STRAIN_PLACES = {2: [(0, 0), (1, 1), (0, 1)], 3: [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]}
+STRAIN_INDICES = {2: [(0, 0), (1, 1), (0, 1)], 3: [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]}
 #: Relative residual at which the solve ends (the energies lose the square of it), and most steps.
 CG_RESIDUAL, CG_STEPS = 1e-5, 200
 #: Poisson's ratio from which linear elements lock: the strains that they lack are smooth, so that
 #: recovery sees a half of the error at 0.45 and a fifth at 0.4999 (clamped bars, plane strain).
-LOCKING = 0.4
-TRUSS = "the nodes of a truss are hinges, so that no mesh could be finer."
+LOCKING_POISSON = 0.4
+TRUSS_REFUSAL = "the nodes of a truss are hinges, so that no mesh could be finer."
 #: What no mesh tells of.
-THEORY = "Not included: the error of {} theory itself."
+THEORY_NOTE = "Not included: the error of {} theory itself."
 #: Share of an element within which a site is at its end.
-AT_NODE = 1e-3
+NODE_SHARE = 1e-3
 #: Angles in degrees between neighbours, above rounding and below that of a sharp edge, between
 #: which straight cells are taken for a curve.
 SMOOTH_ANGLES = 0.2, 40.0
@@ -81,7 +81,7 @@ class Recovery:
     def missed(self, model: AntiOscillators) -> tuple[Array, None]:
         """(energies (p + N, p + N) [N/m] of the errors of a model's shapes, None: no surplus)."""
         fields = self._matrices.fields(np.asarray(model.shapes))
-        grams = [gram(member.part, u) for member, u in fields]
+        grams = [error_energies(member.part, u) for member, u in fields]
         return np.sum(grams, axis=0), None
 
     def of_cells(self, model: AntiOscillators, weights: Array) -> Array:
@@ -103,14 +103,14 @@ def _check_part(part: MeshedStructure) -> None:
 
     strained = [m for m, _ in part.parts if getattr(m, "plane", None) != "stress"]
     nu = max((getattr(material, "nu", 0.0) for material in strained), default=0.0)
-    if part.form.degree == 1 and nu >= LOCKING:
+    if part.form.degree == 1 and nu >= LOCKING_POISSON:
         raise InputError(
             f"Poisson's ratio is {nu:.4g} and the {part.mesh.cell} elements are linear (order 1):"
-            f" from {LOCKING:g} on they lock, and no error is estimated; take order 2."
+            f" from {LOCKING_POISSON:g} on they lock, and no error is estimated; take order 2."
         )
 
 
-def gram(part: MeshedStructure, shapes: Array) -> Array:
+def error_energies(part: MeshedStructure, shapes: Array) -> Array:
     """Energies E_ij = ∫ e_i:C:e_j (k, k) [J] of the strain errors e of `shapes` (rows, k)."""
     total = np.zeros((shapes.shape[1],) * 2)
     for _, errors in strain_errors(part, shapes):
@@ -157,7 +157,7 @@ class Strains:
     def __init__(self, part: MeshedStructure, shapes: Array) -> None:
         mesh, form = part.mesh, part.form
         self.mesh = mesh
-        self.components = len(STRAIN_PLACES[mesh.gdim])
+        self.components = len(STRAIN_INDICES[mesh.gdim])
         by_products = form.degree > 1 and not mesh.geometry.simplex
         self.X, weights = compat.quadrature(
             mesh.cell, PRODUCT_DEGREE if by_products else RULE_DEGREE
@@ -194,7 +194,7 @@ class Strains:
         ]
         strains = [
             gradients[i][:, :, j] + (gradients[j][:, :, i] if i != j else 0.0)
-            for i, j in STRAIN_PLACES[self.mesh.gdim]
+            for i, j in STRAIN_INDICES[self.mesh.gdim]
         ]
 
         return np.stack(strains, axis=2).reshape(len(cells) * len(self.X), -1)
@@ -255,10 +255,10 @@ class Projection:
 
 
 #: Most dofs of a divided mesh: 767 000 took 50 s of one core.
-MOST_DOFS = 800_000
+MOST_DIVIDED_DOFS = 800_000
 #: Anti-oscillators for which the memory of the divided mesh is foreseen, and bytes of their
 #: motions, forces and answers for each of its dofs: 309 000 dofs took 4.5 GB, 767 000 some 12 GB.
-FORESEEN, EACH_ANSWER = 150, 52.0
+FORESEEN_COUNT, BYTES_PER_DOF = 150, 52.0
 
 
 def _why_too_large(matrices: MeshedParts) -> str:
@@ -266,12 +266,12 @@ def _why_too_large(matrices: MeshedParts) -> str:
     part = matrices.members()[0].part
     name = part.mesh.name
     finer = 2.0**part.mesh.tdim * part.rows
-    need = (SHELL_BYTES + EACH_ANSWER * FORESEEN) * finer + bytes_of_shells(round(finer), 0)
+    need = (SHELL_BYTES + BYTES_PER_DOF * FORESEEN_COUNT) * finer + bytes_of_shells(round(finer), 0)
     remedy = "compare with a mesh of larger cells"
-    if finer > MOST_DOFS:
+    if finer > MOST_DIVIDED_DOFS:
         return (
             f"it takes {name} with each cell divided, and {finer:.0f} dofs are more than"
-            f" {MOST_DOFS}: {remedy}."
+            f" {MOST_DIVIDED_DOFS}: {remedy}."
         )
 
     free = process.free_memory()
@@ -292,7 +292,7 @@ def _are_solids(matrices: MeshedParts) -> bool:
 def refusal(matrices: MeshedParts) -> str:
     """Why the error of the mesh of a structure cannot be estimated; "" if it can."""
     if not matrices.assembled and matrices.members()[0].part.kind.name == "truss":
-        return TRUSS
+        return TRUSS_REFUSAL
     if _are_solids(matrices) and not (matrices.assembled and matrices.preload):
         return ""
     if matrices.assembled:
@@ -317,8 +317,10 @@ class ModelErrors:
 
     def check(self) -> None:
         """InputError for a structure whose models cannot have error bars at all."""
-        if self.skipped == TRUSS:
-            raise InputError(f"the error 'estimate' is of solids, beams and shells: {TRUSS}")
+        if self.skipped == TRUSS_REFUSAL:
+            raise InputError(
+                f"the error 'estimate' is of solids, beams and shells: {TRUSS_REFUSAL}"
+            )
         if not self.skipped:
             _ = self._estimator
 
@@ -364,8 +366,8 @@ class ModelErrors:
 def _not_included(part: MeshedStructure) -> str:
     """Sentences on what the error of the mesh does not include; "" for straight solids."""
     name = "shell" if part.kind.sheet else part.kind.name
-    theory = "" if part.kind.outside else THEORY.format(name)
-    return " ".join(filter(None, [theory, flat_cells(part)]))
+    theory = "" if part.kind.outside else THEORY_NOTE.format(name)
+    return " ".join(filter(None, [theory, flat_cells_note(part)]))
 
 
 def _is_inside(part: MeshedStructure, site: Functional) -> bool:
@@ -376,10 +378,10 @@ def _is_inside(part: MeshedStructure, site: Functional) -> bool:
     ends = part.mesh.geometry.nodes[:, :2]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     distances = np.linalg.norm(ends - site.point, axis=2) / lengths[:, None]
-    return bool(distances.min() > AT_NODE)
+    return bool(distances.min() > NODE_SHARE)
 
 
-def flat_cells(part: MeshedStructure) -> str:
+def flat_cells_note(part: MeshedStructure) -> str:
     """A sentence if the straight cells of a mesh seem to approximate a curve; otherwise ""."""
     mesh = part.mesh
     if mesh.order > 1:
@@ -427,9 +429,9 @@ def _angles(x: Array, corners: IntArray) -> Array:
 
 
 #: The second radius over the first, and the ratio used instead if the larger patch leaves the face.
-SECOND_RADII = (np.sqrt(2.0), np.sqrt(0.5))
+RADIUS_RATIOS = (np.sqrt(2.0), np.sqrt(0.5))
 #: Least share of the load of the second patch on its face.
-WHOLE_LOAD = 0.99
+WHOLE_LOAD_SHARE = 0.99
 
 
 def patch_of(
@@ -449,16 +451,16 @@ def patch_of(
     def of_radius(radius: float) -> Sites:
         """The site with a patch of this radius [m]."""
         radii = np.array([radius])
-        return located(member.part, place.point[None], place.direction[None], radii)
+        return located_sites(member.part, place.point[None], place.direction[None], radii)
 
     first = of_radius(site.radius)
-    facts = {"faces": float(first.size[0]), "cut": float(first.share[0] < WHOLE_PATCH)}
+    facts = {"faces": float(first.size[0]), "cut": float(first.share[0] < WHOLE_PATCH_SHARE)}
     if facts["cut"] or not site.local_compliance:
         return facts
 
-    for factor in SECOND_RADII:
+    for factor in RADIUS_RATIOS:
         second = of_radius(factor * site.radius)
-        if second.share[0] >= WHOLE_LOAD:
+        if second.share[0] >= WHOLE_LOAD_SHARE:
             break
     else:
         return facts

@@ -41,11 +41,11 @@ if TYPE_CHECKING:
 STATIC_TOL = 1e-13
 #: The largest such error accepted if rounding allows no less (the error of the compliance is its
 #: square).
-STATIC_SOUND = 1e-8
+STATIC_ACCEPTED = 1e-8
 #: Most steps of that solve.
 STATIC_STEPS = 200
 #: Number of steps without progress after which only rounding is left.
-STATIC_IDLE = 5
+STATIC_IDLE_STEPS = 5
 #: A site follows the motion of others if less than this share of its compliance is independent of
 #: them; otherwise Z = H⁻¹ would lose digits by the square of the share.
 LEAST_INDEPENDENT = 1e-10
@@ -76,7 +76,7 @@ class SiteShapes:
     missed: Array  # (h, p) displacements of the sites in these modes, which the model omits
     #: y, bAb: (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load
     y: Array
-    bAb: Array
+    compliance: Array
     share: float  # largest share σ² of a rigid-body mode in the compliances
     #: solver, shift: solver of A = K + sM, and s [rad²/s²]
     solver: Solver
@@ -85,7 +85,7 @@ class SiteShapes:
     @cached_property
     def _inverse_compliance(self) -> Array:
         """Inverse (p, p) of the compliance `bAb`."""
-        return np.linalg.inv(self.bAb)
+        return np.linalg.inv(self.compliance)
 
     def constrained(self, comm: MPI.Comm, x: Array) -> Array:
         """x − Y (BᵀY)⁻¹Bᵀx (rows, k): x after forces at the sites are added that hold these."""
@@ -108,7 +108,7 @@ def site_shapes(structure: Structure, B: Array) -> SiteShapes:
     """Shapes of unit displacements at the sites with loads B (rows of this rank, c)."""
     comm = structure.comm
     solver = structure.factorize()
-    columns, dependence, W, Y, V, sigma = _basis(structure, solver, B)
+    columns, dependence, W, Y, V, sigma = _site_basis(structure, solver, B)
     B = B[:, columns] @ W
 
     # rigid-body modes: those that move the sites, and others
@@ -125,7 +125,7 @@ def site_shapes(structure: Structure, B: Array) -> SiteShapes:
     phi = strong / moved[:q]
     k0 = np.zeros_like(W)
     if q < len(columns):
-        y0 = statics(structure, solver, B[:, q:]) if R.shape[1] else y[:, q:]
+        y0 = elastic_response(structure, solver, B[:, q:]) if R.shape[1] else y[:, q:]
         C0 = dot(comm, B[:, q:], y0)
         k0[q:, q:] = np.linalg.inv((C0 + C0.T) / 2)
         elastic = y0 @ k0[q:, q:]
@@ -147,24 +147,24 @@ def site_shapes(structure: Structure, B: Array) -> SiteShapes:
         nodal=nodal,
         missed=slides,
         y=y,
-        bAb=dot(comm, load, y),
+        compliance=dot(comm, load, y),
         share=float(sigma.max(initial=0.0) ** 2),
         solver=solver,
         shift=structure.shift,
     )
 
 
-def expanded_at(structure: Structure, static: SiteShapes, shift: float) -> SiteShapes:
+def with_larger_shift(structure: Structure, static: SiteShapes, shift: float) -> SiteShapes:
     """`static` with the solver of A = K + sM for a larger shift s [rad²/s²]."""
     if shift <= structure.shift:
         return static
     solver = structure.factorize_at(shift, static.load.shape[1])
     y = solver.solve_checked(static.load)
     bAb = dot(structure.comm, static.load, y)
-    return replace(static, y=y, bAb=bAb, solver=solver, shift=shift)
+    return replace(static, y=y, compliance=bAb, solver=solver, shift=shift)
 
 
-def _basis(
+def _site_basis(
     structure: Structure, solver: Solver, B: Array
 ) -> tuple[IntArray, Array, Array, Array, Array, Array]:
     """(independent columns, dependence, W, A⁻¹BW, V, σ (p,)) of the module and `SiteShapes`."""
@@ -173,7 +173,7 @@ def _basis(
     root = np.sqrt(structure.shift) or 1.0
     Y = solver.solve_checked(B)
     C = dot(comm, B, Y)
-    columns, dependence = independent((C + C.T) / 2)
+    columns, dependence = independent_loads((C + C.T) / 2)
     B = B[:, columns]
     Y = Y[:, columns]
 
@@ -194,7 +194,7 @@ def _basis(
     return columns, dependence, W, Y, V, sigma
 
 
-def independent(C: Array) -> tuple[IntArray, Array]:
+def independent_loads(C: Array) -> tuple[IntArray, Array]:
     """(independent columns (p,) of a compliance C (c, c), displacements (c, p) of all columns for
     unit displacements of these), by pivoted Cholesky."""
     size = np.sqrt(np.maximum(C.diagonal(), 0.0))
@@ -217,7 +217,7 @@ def independent(C: Array) -> tuple[IntArray, Array]:
     return columns, dependence
 
 
-def statics(structure: Structure, solver: Solver, loads: Array) -> Array:
+def elastic_response(structure: Structure, solver: Solver, loads: Array) -> Array:
     """Elastic displacements (rows, k) under `loads` (rows, k), M-orthogonal to rigid motions;
     inertia of a rigid motion balances each load."""
     comm = structure.comm
@@ -249,7 +249,7 @@ def statics(structure: Structure, solver: Solver, loads: Array) -> Array:
         first = squares if k == 0 else first
         idle_steps = 0 if (squares < best).any() else idle_steps + 1
         best = np.minimum(best, squares)
-        goal = STATIC_SOUND if idle_steps >= STATIC_IDLE else STATIC_TOL
+        goal = STATIC_ACCEPTED if idle_steps >= STATIC_IDLE_STEPS else STATIC_TOL
         if (best <= goal**2 * first).all():
             return elastic(x)
 

@@ -4,9 +4,11 @@ With A = K + sM and Y = A⁻¹B, B the loads of one site or several, the solutio
 Bᵀx = 0 is A⁻¹r − Y (BᵀY)⁻¹BᵀA⁻¹r.
 Krylov eigensolvers (SLEPc's, or SciPy's ARPACK) use this operator as their shift-and-invert
 transformation. No row is deleted and there is only one factorization. Without the constraint the
-same solver computes the natural modes of the structure. For those of a map, block Lanczos takes
-half of SLEPc's time to the same residual, but a whole map with 20 modes is 1.14 (43 263 dofs) and
-1.11 times (175 470) as fast, with 60 modes 1.40 times (measured).
+same solver computes the natural modes of the structure.
+
+Block Lanczos would compute the natural modes of a map in half of SLEPc's time, to the same
+residual. The whole map would gain less (measured): with 20 modes it would be 1.14 times as fast on
+43 263 dofs and 1.11 times as fast on 175 470, with 60 modes 1.40 times.
 """
 
 from __future__ import annotations
@@ -46,12 +48,12 @@ if TYPE_CHECKING:
 
 
 #: Tolerance on the eigenvalues 1/(ω² + s); the residuals are measured again afterwards.
-RESIDUAL = 1e-11
+EIGENVALUE_TOLERANCE = 1e-11
 #: Additional modes that are computed and dropped, since the search may find only one shape of a
 #: repeated frequency.
 EXTRA_MODES = 4
 #: Most restarts of SLEPc.
-RESTARTS = 200
+MOST_RESTARTS = 200
 #: A search takes as many solves as the models of so many sites.
 EQUIVALENT_SITES = 3.0
 
@@ -109,7 +111,7 @@ def _by_arpack(search: ModeSearch) -> tuple[Array, Array]:
             sigma=-structure.shift,
             OPinv=LinearOperator(shape, inverse, dtype=float),
             v0=search.start(),
-            tol=RESIDUAL,
+            tol=EIGENVALUE_TOLERANCE,
         )
     except ArpackError as error:
         raise NotConvergedError(
@@ -132,7 +134,7 @@ def _by_slepc(search: ModeSearch) -> tuple[Array, Array]:
     eps.setDimensions(search.computed)
     eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
     eps.setTarget(-structure.shift)
-    eps.setTolerances(RESIDUAL, RESTARTS)
+    eps.setTolerances(EIGENVALUE_TOLERANCE, MOST_RESTARTS)
     st = eps.getST()
     st.setType(SLEPc.ST.Type.SINVERT)
     st.setMatMode(SLEPc.ST.MatMode.SHELL)  # the factor is ours: SLEPc needs no K + sM
@@ -191,19 +193,19 @@ class _SearchInverse:
 
 #: LAPACK computes all modes of structures with at most this many rows, on one rank, if more than a
 #: fifth of all modes is wanted: Krylov methods are efficient only at the ends of a spectrum.
-DENSE_MANY = 5000
+MOST_DENSE_ROWS = 5000
 #: Fewest additional modes of the next search if one has not reached its frequency.
-FEWEST_MORE = 8
+LEAST_EXTRA_MODES = 8
 #: A shape has no mass if φᵀMφ over the sum of the absolute values of its terms is below this.
-NO_MASS = 1e-12
+MASSLESS_SHARE = 1e-12
 #: A step of `polish` leaves the square of what it mixes: modes that it would mix by more are close.
-CLOSE_MODES = 1e-4
+CLOSE_MIXING = 1e-4
 #: Relative residual of forces above which natural modes are searched again, unless rounding of K
 #: leaves more: 1.0 to 1.4 times the estimate in clamped and free rulers; the error of ω² is its
 #: square.
-LOST_NATURAL, ROUNDED, MOST_ROUNDED = 1e-6, 30.0, 1e-3
+NATURAL_RESIDUAL, ROUNDING_FACTOR, LARGEST_ROUNDING = 1e-6, 30.0, 1e-3
 #: Relative residual of forces above which constraint modes are searched again.
-LOST_CONSTRAINT = 1e-3
+CONSTRAINT_RESIDUAL = 1e-3
 
 
 @dataclass(frozen=True)
@@ -247,7 +249,7 @@ class ModeSolver:
         modes = self._at_least(count)
         while not (modes.complete or len(modes.omega) >= most or enough(modes)):
             known = len(modes.omega)
-            modes = self._at_least(int(min(known + max(FEWEST_MORE, known // 2), most)))
+            modes = self._at_least(int(min(known + max(LEAST_EXTRA_MODES, known // 2), most)))
         return modes
 
     def _at_least(self, count: int) -> Modes:
@@ -256,13 +258,13 @@ class ModeSolver:
         if self._found.complete or len(self._found.omega) >= count:
             return self._found
         rows = self._structure.size
-        if rows <= DENSE_MANY and count > rows / 5:
+        if rows <= MOST_DENSE_ROWS and count > rows / 5:
             self._found = self._by_lapack()
         else:
             try:
                 self._found = self._by_krylov(count)
             except NotConvergedError:
-                if rows > DENSE_MANY:
+                if rows > MOST_DENSE_ROWS:
                     raise
                 self._found = self._by_lapack()
 
@@ -304,9 +306,9 @@ class ModeSolver:
 
         # those of slender beams span so many decades of ω² that the first show in the last
         modes = _polished(structure, modes) if uses_strains(structure.K) else modes
-        limit = allowed(structure, modes) if self._held is None else LOST_CONSTRAINT
+        limit = rounding_residuals(structure, modes) if self._held is None else CONSTRAINT_RESIDUAL
         right = residuals(structure, modes, self._held) <= limit
-        if not right.all() and structure.size <= DENSE_MANY:
+        if not right.all() and structure.size <= MOST_DENSE_ROWS:
             raise NotConvergedError("shapes are not what the search takes them for")  # to LAPACK
         if right.all() or right.sum() <= known_count:
             return modes
@@ -361,7 +363,7 @@ def _dense_modes(
 
     # displacements without mass have no frequency: what they seem to have is rounding of M's terms
     terms = np.einsum("ij,ij->j", np.abs(shapes), np.abs(mass) @ np.abs(shapes))
-    is_elastic = (theta > 1e-14 * theta.max(initial=0.0)) & (theta > NO_MASS * terms)
+    is_elastic = (theta > 1e-14 * theta.max(initial=0.0)) & (theta > MASSLESS_SHARE * terms)
     omega = np.sqrt(np.maximum(1 / theta[is_elastic] - sigma, 0.0))[::-1]
     phi = np.zeros((K.shape[0], int(is_elastic.sum())))
     phi[free] = shapes[:, is_elastic][:, ::-1]
@@ -383,7 +385,7 @@ def residuals(structure: Structure, modes: Modes, sites: SiteShapes | None = Non
     return np.asarray(size_of_residual / np.maximum(size, np.finfo(float).tiny))
 
 
-def allowed(structure: Structure, modes: Modes) -> Array:
+def rounding_residuals(structure: Structure, modes: Modes) -> Array:
     """Relative residuals (k,) that rounding of K alone causes; large for slender parts."""
     entries = diagonal(structure.K)[:, None]
     signs = np.random.default_rng(0).choice([-1.0, 1.0], modes.phi.shape)
@@ -393,7 +395,7 @@ def allowed(structure: Structure, modes: Modes) -> Array:
     sizes = structure.factorize().force_sizes(np.hstack([rounded, forces]))
     size_of_rounded, size = np.split(sizes, 2)
     share = size_of_rounded / np.maximum(size, np.finfo(float).tiny)
-    return np.clip(ROUNDED * share, LOST_NATURAL, MOST_ROUNDED)
+    return np.clip(ROUNDING_FACTOR * share, NATURAL_RESIDUAL, LARGEST_ROUNDING)
 
 
 def _polished(structure: Structure, modes: Modes) -> Modes:
@@ -440,7 +442,7 @@ def _polish_step(strain: Array, mass: Array) -> tuple[Array, Array, Array]:
     poles = np.diag(strain) / np.diag(mass)
     gap = poles[:, None] - poles
     wanted = poles * mass_error - strain
-    close = np.abs(wanted) >= CLOSE_MODES * np.abs(gap)
+    close = np.abs(wanted) >= CLOSE_MIXING * np.abs(gap)
     close = close | close.T
     return poles, np.where(close, -mass_error / 2, wanted / np.where(close, 1.0, gap)), close
 

@@ -29,7 +29,7 @@ from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import Damping, as_damping
 from antiosc.models.stretch import Count, checked_count
-from antiosc.reduce.extraction import expanded_at, site_shapes
+from antiosc.reduce.extraction import site_shapes, with_larger_shift
 from antiosc.reduce.extraction.eigenmodes import EQUIVALENT_SITES
 from antiosc.reduce.extraction.krylov import (
     by_krylov,
@@ -37,7 +37,7 @@ from antiosc.reduce.extraction.krylov import (
 )
 from antiosc.reduce.extraction.model import (
     DEFAULT_COUNT,
-    UNNAMED,
+    UNNAMED_SITE,
     Remainder,
     Sites,
     by_modes,
@@ -45,10 +45,10 @@ from antiosc.reduce.extraction.model import (
     error_bound,
     info_of_model,
     model_of,
-    oscillators,
     select_lowest,
+    select_observable,
 )
-from antiosc.reduce.extraction.stretching import pairs_of, with_stretch
+from antiosc.reduce.extraction.stretching import pair_count, with_stretch
 from antiosc.reduce.site import functionals
 from antiosc.reduce.site.site import Site
 
@@ -57,13 +57,13 @@ if TYPE_CHECKING:
 
 
 #: Largest number of anti-oscillators with a band.
-MOST_FOR_BAND = 400
+MOST_BAND_MODES = 400
 #: Goal of the Krylov steps over the required accuracy. It is below 1, since the bound of the final
 #: model is sampled more finely and includes the dropped modes.
 STEP_ACCURACY = 0.6
 #: From this number of Krylov anti-oscillators on, the lowest must have converged to an
 #: antiresonance.
-SETTLED_FROM = 10
+SETTLED_COUNT = 10
 
 Method = Literal["krylov", "modes"]
 ErrorOption = Literal["estimate"] | None
@@ -107,13 +107,15 @@ def _model_at(
     static = site_shapes(structure, np.hstack([site.B for site in sites.values()]))
     remainder: Remainder | None = None
     if options.method == "krylov":
-        expanded = expanded_at(structure, static, (2 * np.pi * (options.expansion or 0.0)) ** 2)
+        expanded = with_larger_shift(
+            structure, static, (2 * np.pi * (options.expansion or 0.0)) ** 2
+        )
         aim = STEP_ACCURACY * options.accuracy
         modes, remainder = by_krylov(structure, expanded, n, tol, band, aim, terms, options.proof)
     else:
         modes = by_modes(structure, static, n, tol)
     known = constraint_modes(structure, static, modes)
-    selected = select_lowest(known, n) if terms else oscillators(known, n, tol)
+    selected = select_lowest(known, n) if terms else select_observable(known, n, tol)
 
     # the record
     info = info_of_model(structure, sites, known, selected, options.method)
@@ -156,7 +158,7 @@ def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete:
             AccuracyWarning,
         )
 
-    settled = bool(model.info.converged) or model.n < SETTLED_FROM or bool(options.expansion)
+    settled = bool(model.info.converged) or model.n < SETTLED_COUNT or bool(options.expansion)
     if not settled and model.strain_error is None:  # else the bar of the truncation tells it
         warn(
             f"none of the {model.n} anti-oscillators has converged to an antiresonance, so that "
@@ -327,7 +329,7 @@ def extract(
     # a model has as many anti-oscillators, and a static shape of each site
     columns = [sum(target.B.shape[1] for target in group.values()) for group in groups]
     solves = sum(1 + (count - 1) / SOLVES_OF_MODEL for count in columns)
-    solves += pairs_of(stretch) / SOLVES_OF_MODEL if stretch is not False else 0.0
+    solves += pair_count(stretch) / SOLVES_OF_MODEL if stretch is not False else 0.0
     structure.factorize(max(solves, EQUIVALENT_SITES) if method == "modes" else solves)
     spent = time.perf_counter() - start_time
     if not factored:
@@ -368,7 +370,7 @@ def _checked_options(
     for name in (name for name, given in of_krylov.items() if given and method != "krylov"):
         raise InputError(f'{name} takes method="krylov": leave it out.')
     if n is None:
-        n = min(DEFAULT_COUNT if band is None else MOST_FOR_BAND, structure.dofs - 1)
+        n = min(DEFAULT_COUNT if band is None else MOST_BAND_MODES, structure.dofs - 1)
     n = whole("n", n, least=0 if band is None else 1)
     if n >= structure.dofs:
         raise InputError(
@@ -408,11 +410,13 @@ def _checked_sites(site: object) -> list[dict[str, Site]]:
                 raise InputError(f"the name of a site is a text without ':'; got {name!r}.")
         groups = [dict(site)]
     else:
-        groups = [{UNNAMED: one} for one in (site if isinstance(site, list | tuple) else [site])]
+        groups = [
+            {UNNAMED_SITE: one} for one in (site if isinstance(site, list | tuple) else [site])
+        ]
 
     for name, one in (item for group in groups for item in group.items()):
         instance("site", one, Site, "a Site(point, direction)")
-        if one.tangential and name == UNNAMED:
+        if one.tangential and name == UNNAMED_SITE:
             raise InputError(
                 "tangential directions belong to a model of named sites: give the site a name."
             )

@@ -67,7 +67,7 @@ from antiosc.reduce.extraction.model import (
 )
 
 #: Share of the damping of the model by which dampers may brake motions that it has not.
-UNDAMPED = 1e-12
+UNDAMPED_SHARE = 1e-12
 
 
 def with_damping(
@@ -82,7 +82,7 @@ def with_damping(
     damping = projected(structure.comm, terms, V)
     kept = slice(V.shape[1] if model.hidden is not None else model.unit.size)
     braked = damping.matrix.diagonal()
-    if braked[kept.stop :].sum() > UNDAMPED * braked[kept].sum():
+    if braked[kept.stop :].sum() > UNDAMPED_SHARE * braked[kept].sum():
         raise InputError(
             "a damper brakes a rigid-body motion that the site does not see, and that matrices "
             "without coordinates do not tell: give them a map with coordinates."
@@ -121,7 +121,7 @@ def _with_losses(
 
 
 #: Share of the largest θ below which the smallest θ of an eigensolver are inaccurate.
-WIDE_RANGE = 1e-8
+INACCURATE_THETA = 1e-8
 #: θ over the largest below which it is rounding.
 ROUNDED_THETA = 1e-18
 #: Columns by which a basis grows.
@@ -129,7 +129,7 @@ BASIS_STEP = 16
 
 #: Largest number of steps over the number of anti-oscillators wanted: some pairs may have no share
 #: in Z (at a site of symmetry rounding introduces as many again).
-STEPS_PER_ONE = 3
+STEPS_PER_MODE = 3
 #: Steps in addition to those.
 EXTRA_STEPS = 20
 
@@ -242,7 +242,7 @@ class Lanczos:
         resolved = theta[noise:]
         vectors = eigenvectors[:, noise:]
 
-        if len(resolved) and resolved[0] < WIDE_RANGE * resolved[-1]:
+        if len(resolved) and resolved[0] < INACCURATE_THETA * resolved[-1]:
             poles, x = polish(vectors / np.sqrt(resolved), lambda x: x.T @ x, lambda x: x.T @ H @ x)
             order = np.argsort(-poles)
             resolved = 1 / poles[order]
@@ -405,6 +405,6 @@ def _kept_count(
     for count in range(max(before + 1, n), run.steps + 1):
         if run.observable(count, tol) >= n:
             return count
-    if run.exhausted or run.steps >= STEPS_PER_ONE * n + EXTRA_STEPS:
+    if run.exhausted or run.steps >= STEPS_PER_MODE * n + EXTRA_STEPS:
         return run.steps
     return None

@@ -29,7 +29,7 @@ from antiosc.models.free_modes import DAMPING, MASSLESS_ROOT, samples
 from antiosc.models.motion import Inertia
 from antiosc.models.parameters import squeezed
 from antiosc.reduce.extraction import SiteShapes
-from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver, allowed, residuals
+from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver, residuals, rounding_residuals
 from antiosc.reduce.site import surfaces
 from antiosc.reduce.site.site import Functional
 
@@ -41,9 +41,9 @@ if TYPE_CHECKING:
 #: Least P of a mode at one site over the root of the static mass: dampers move it, the site hardly.
 LEAST_SHARE = 1e-12
 #: Frequencies closer than this (relatively) are one repeated frequency: only Σm_i has a meaning.
-REPEATED = 1e-6
+REPEATED_DISTANCE = 1e-6
 #: Singular value of the P of a repeated frequency, over the largest, below which it is rounding.
-DISTINCT = 1e-8
+DISTINCT_SHARE = 1e-8
 #: Relative distance of the samples of a bound: a quarter of the half-width of a damped peak.
 SAMPLE_STEP = DAMPING / 4
 #: Largest share by which the bound rises between two samples.
@@ -69,7 +69,7 @@ Remainder = Callable[[ComplexArray], Array]
 #: Sites of a model.
 Sites = Mapping[str, Functional]
 #: The name of the site of a model of one site without a name.
-UNNAMED = ""
+UNNAMED_SITE = ""
 
 
 @dataclass(frozen=True)
@@ -168,11 +168,11 @@ class Selection:
     merged: int
 
 
-def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
+def select_observable(known: ConstraintModes, n: int, tol: float) -> Selection:
     """The n lowest anti-oscillators with a share above `tol` in Z; the others' mass joins m0."""
     static = known.static
     omega = known.modes.omega
-    start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
+    start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED_DISTANCE * omega)
     groups = np.split(np.arange(len(omega)), start[1:]) if len(omega) else []
     mixed = [(group, u) for group in groups for u in _distinct_motions(known, group).T]
     P = np.array([u @ known.P[group] for group, u in mixed]).reshape(-1, known.P.shape[1])
@@ -226,7 +226,7 @@ def _distinct_motions(known: ConstraintModes, group: IntArray) -> Array:
 
     scale = np.sqrt(known.static.mass.diagonal())
     U, size, _ = np.linalg.svd(known.P[group] / scale)
-    count = int(np.sum(size > DISTINCT * size[0]))
+    count = int(np.sum(size > DISTINCT_SHARE * size[0]))
     if count == len(group):
         return np.eye(count)
 
@@ -243,7 +243,7 @@ def by_modes(structure: Structure, static: SiteShapes, n: int, tol: float) -> Mo
     def enough(modes: Modes) -> bool:
         """Whether n modes are observable, or no mass is left for others."""
         known = constraint_modes(structure, static, modes)
-        return len(oscillators(known, n, tol).omega) >= n or not known.m0.any()
+        return len(select_observable(known, n, tol).omega) >= n or not known.m0.any()
 
     most = SEARCH_FACTOR * (n + DEFAULT_COUNT)
     return ModeSolver(structure, static).lowest(n + 2 if n else 0, enough, most)
@@ -367,7 +367,7 @@ def model_of(
 ) -> AntiOscillators:
     """The model of p ≥ 1 sites; it takes the shapes of `selected` and changes them in place."""
     found = list(sites.values())
-    names = () if UNNAMED in sites else tuple(sites)
+    names = () if UNNAMED_SITE in sites else tuple(sites)
     directions = [site.directions for site in found if site.directions is not None]
     has_directions = len(directions) == len(found)
     points = {name: x.point.tolist() for name, x in sites.items() if x.point is not None}
@@ -388,7 +388,7 @@ def model_of(
         m0=m0,
         P=P,
         direction=np.vstack(directions) if has_directions else None,
-        participation=weights_of(structure, shapes) if has_directions else None,
+        participation=generalised_masses(structure, shapes) if has_directions else None,
         local_compliance=np.array([site.local_compliance for site in found]),
         radius=tuple(site.radius for site in found),
         columns=dict(zip(names, (tuple(c.tolist()) for c in columns), strict=False)),
@@ -403,7 +403,7 @@ def model_of(
         info = info.having(meshed=structure.matrices.meshed)
         if points and has_directions:
             direction = directions[0][0].tolist()
-            info = replace(info, point=points[UNNAMED], direction=direction)
+            info = replace(info, point=points[UNNAMED_SITE], direction=direction)
 
     model = AntiOscillators(
         **parameters,
@@ -421,7 +421,7 @@ def _with_second_order(structure: Structure, model: AntiOscillators) -> AntiOsci
     """The model with the relative change of its force per metre, for supported curved sheets."""
     single_mesh = structure.matrices.meshed and not structure.matrices.assembled
     supported = structure.rigid_modes.shape[1] == 0
-    sites = model.sites or (UNNAMED,)
+    sites = model.sites or (UNNAMED_SITE,)
     if model.info.thickness is None or not (single_mesh and supported):
         return model
     if len(sites) != model.n_sites:
@@ -451,7 +451,7 @@ def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
     return inertia.along(np.vstack([dot(structure.comm, block, loads) for block in shapes]))
 
 
-def weights_of(structure: Structure, shapes: Array) -> Array | None:
+def generalised_masses(structure: Structure, shapes: Array) -> Array | None:
     """Generalised masses (k, 3) of shapes for unit accelerations along x, y, z; or None."""
     loads = [structure.uniform_inertia(axis) for axis in np.eye(3)]
     if any(load is None for load in loads):
@@ -470,7 +470,7 @@ RESIDUAL_LIMIT = 1e-5
 MECHANISM_SHARE = 1e-9
 #: A Ritz pair with a smaller residual (of forces, relative) is an antiresonance: its frequency is
 #: then right to about the square of this.
-CONVERGED = 1e-3
+CONVERGED_RESIDUAL = 1e-3
 
 
 def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
@@ -533,7 +533,7 @@ def checked_modes(
     }
     for name, value in measured.items():
         check_limit(name, value, RESIDUAL_LIMIT if name == "residual" else CHECK_LIMIT, comm)
-    return measured, int(np.sum(residual_forces < CONVERGED))
+    return measured, int(np.sum(residual_forces < CONVERGED_RESIDUAL))
 
 
 def check_modes(structure: Structure, modes: Modes) -> None:
@@ -542,7 +542,7 @@ def check_modes(structure: Structure, modes: Modes) -> None:
     worst = {
         "orthogonality": np.abs(gram - np.eye(len(gram))).max(initial=0.0),
         "residual": CHECK_LIMIT
-        * (residuals(structure, modes) / allowed(structure, modes)).max(initial=0.0),
+        * (residuals(structure, modes) / rounding_residuals(structure, modes)).max(initial=0.0),
     }
     for name, value in worst.items():
         if not value <= CHECK_LIMIT:

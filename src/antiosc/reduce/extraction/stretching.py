@@ -29,7 +29,7 @@ from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.stretch import MOST, Count, Stretch
-from antiosc.reduce.extraction import statics
+from antiosc.reduce.extraction import elastic_response
 
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
@@ -37,14 +37,14 @@ if TYPE_CHECKING:
     from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Size of a new direction over that of its vector, below which it is rounding.
-EXHAUSTED = 1e-6
+EXHAUSTED_SIZE = 1e-6
 #: Points whose strains are multiplied at once.
-AT_ONCE = 20_000
+POINTS_AT_ONCE = 20_000
 #: What is computed, for who waits.
-ACTIVITY = "stretching of the part as it bends"
+PROGRESS_TEXT = "stretching of the part as it bends"
 
 
-def part_of(structure: Structure) -> MeshedStructure:
+def meshed_part(structure: Structure) -> MeshedStructure:
     """The meshed part of a structure; InputError for an assembly and for given matrices."""
     matrices = structure.matrices
     if not matrices.meshed or matrices.assembled:
@@ -55,7 +55,7 @@ def part_of(structure: Structure) -> MeshedStructure:
     return cast("MeshedStructure", matrices)
 
 
-def pairs_of(count: Count) -> int:
+def pair_count(count: Count) -> int:
     """Number of pairs of modes; each pair takes one solve."""
     modes = MOST if count == "auto" else min(count + 2, MOST)
     return modes * (modes + 1) // 2
@@ -72,11 +72,11 @@ def with_stretch(
         raise InputError("stretch does not take dampers, nor layers that relax: leave it out.")
 
     assert body.shape is not None
-    modes = candidates(body.omega, body.B, most if count == "auto" else min(count + 2, MOST))
+    modes = excited_motions(body.omega, body.B, most if count == "auto" else min(count + 2, MOST))
     phi = body.field((body.shape @ modes).T).T
 
-    with doing(ACTIVITY, structure.comm.rank):
-        quadratic, cubic, shapes = tensors(structure, phi)
+    with doing(PROGRESS_TEXT, structure.comm.rank):
+        quadratic, cubic, shapes = second_order_tensors(structure, phi)
     return replace(model, stretch=Stretch(modes, quadratic, cubic, count, shapes))
 
 
@@ -126,7 +126,7 @@ def _second_order(
     return pieces, total
 
 
-def candidates(omega: Array, B: Array, count: int) -> Array:
+def excited_motions(omega: Array, B: Array, count: int) -> Array:
     """Orthonormal combinations (J, m) of free modes that forces at the sites excite, m <= count.
 
     `omega` (J,), `B` (J, P): frequencies and displacements of the sites in the modes. The
@@ -143,9 +143,9 @@ def candidates(omega: Array, B: Array, count: int) -> Array:
         for _ in range(2):
             size = np.linalg.norm(block, axis=0)
             block = block - basis @ (basis.T @ block)
-            block = block[:, np.linalg.norm(block, axis=0) > EXHAUSTED * size]
+            block = block[:, np.linalg.norm(block, axis=0) > EXHAUSTED_SIZE * size]
         U, sizes, _ = np.linalg.svd(block / np.linalg.norm(block, axis=0), full_matrices=False)
-        block = U[:, sizes > EXHAUSTED * sizes.max(initial=0.0)]
+        block = U[:, sizes > EXHAUSTED_SIZE * sizes.max(initial=0.0)]
         basis = np.hstack([basis, block])
         block = flexible * block
 
@@ -165,7 +165,7 @@ def second_order_energies(structure: Structure, motions: Array) -> Array:
     return np.asarray((np.abs(third) + np.abs(fourth)) / linear)
 
 
-def tensors(structure: Structure, phi: Array) -> tuple[Array, Array, Array]:
+def second_order_tensors(structure: Structure, phi: Array) -> tuple[Array, Array, Array]:
     """(H (m, m, m), G (m, m, m, m), second-order displacements (dofs, pairs)) of φ (dofs, m)."""
     m = phi.shape[1]
     pairs = list(combinations_with_replacement(range(m), 2))
@@ -182,7 +182,7 @@ def _loads_of(piece: _PartMotions, pairs: list[tuple[int, int]]) -> Array:
     stresses = [points.stress(slope) for slope in slopes]
     loads: list[Array] = []
 
-    with counting(ACTIVITY, len(pairs)) as done:
+    with counting(PROGRESS_TEXT, len(pairs)) as done:
         for i, j in pairs:
             strained = points.weighted_stress(points.second(slopes[i], slopes[j])) / 2
             slope_forces = points.along(stresses[i], slopes[j])
@@ -196,7 +196,7 @@ def _loads_of(piece: _PartMotions, pairs: list[tuple[int, int]]) -> Array:
 def _static_response(structure: Structure, g: Array, phi: Array) -> Array:
     """K⁻¹g (dofs, pairs) minus components along the motions φ, so that φᵀK of it is 0."""
     k_phi = multiply(structure.K, phi)
-    displacement = statics(structure, structure.factorize(), g)
+    displacement = elastic_response(structure, structure.factorize(), g)
     return np.asarray(displacement - phi @ np.linalg.solve(phi.T @ k_phi, k_phi.T @ displacement))
 
 
@@ -206,8 +206,8 @@ def _quartic_energies(piece: _PartMotions, pairs: list[tuple[int, int]]) -> Arra
     slopes = piece.slopes
 
     total = np.zeros((len(pairs), len(pairs)))
-    for start in range(0, points.weight.size, AT_ONCE):
-        span = slice(start, start + AT_ONCE)
+    for start in range(0, points.weight.size, POINTS_AT_ONCE):
+        span = slice(start, start + POINTS_AT_ONCE)
         part = [slope[span] for slope in slopes]
         eta = np.stack([points.second(part[i], part[j]) for i, j in pairs], axis=1)
         stress = eta @ (points.stiffness[span] * points.weight[span, None, None])

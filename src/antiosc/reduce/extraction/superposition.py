@@ -28,15 +28,20 @@ from antiosc.models.free_modes import RESIDUAL_ROUNDING, UNOBSERVABLE, shares_of
 from antiosc.models.modal import Damping, ModalBody, as_damping
 from antiosc.recovery import source
 from antiosc.recovery.series import write_vtu_file
-from antiosc.reduce.extraction import site_shapes, statics
-from antiosc.reduce.extraction.eigenmodes import DENSE_MANY, EQUIVALENT_SITES, Modes, ModeSolver
+from antiosc.reduce.extraction import elastic_response, site_shapes
+from antiosc.reduce.extraction.eigenmodes import (
+    EQUIVALENT_SITES,
+    MOST_DENSE_ROWS,
+    Modes,
+    ModeSolver,
+)
 from antiosc.reduce.extraction.model import (
     DEFAULT_COUNT,
-    REPEATED,
+    REPEATED_DISTANCE,
     SEARCH_FACTOR,
     check_modes,
+    generalised_masses,
     inertia_of,
-    weights_of,
 )
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.site import Site
@@ -159,14 +164,14 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
         solver = ModeSolver(structure)
         modes = solver.lowest(
             elastic + 1,  # and all of a repeated last frequency
-            lambda modes: modes.omega[-1] > (1 + REPEATED) * modes.omega[elastic - 1],
+            lambda modes: modes.omega[-1] > (1 + REPEATED_DISTANCE) * modes.omega[elastic - 1],
         )
         check_modes(structure, modes)
         omega = np.append(omega, modes.omega)
         shapes = np.hstack([rigid, modes.phi])
 
     # the multiplicity of each frequency
-    group = np.cumsum(np.diff(omega, prepend=-1.0) > REPEATED * omega)
+    group = np.cumsum(np.diff(omega, prepend=-1.0) > REPEATED_DISTANCE * omega)
     _, inverse, count = np.unique(group, return_inverse=True, return_counts=True)
     count = count[inverse.ravel()]
 
@@ -179,7 +184,7 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
     return StructureModes(
         omega=omega[:n],
         multiplicity=count[:n],
-        participation=weights_of(structure, lowest),
+        participation=generalised_masses(structure, lowest),
         mass=mass,
         shapes=lowest,
         structure=structure,
@@ -309,10 +314,11 @@ def full(
         More dofs than a dense eigensolver can treat; several MPI ranks.
     """
     instance("structure", structure, Structure, "a Structure")
-    if structure.dofs > DENSE_MANY or structure.comm.size > 1:
+    if structure.dofs > MOST_DENSE_ROWS or structure.comm.size > 1:
         raise InputError(
             "full() computes all modes of the structure by a dense eigensolver on one rank: at "
-            f"most {DENSE_MANY} dofs; got {structure.dofs} on {structure.comm.size} rank(s): use a "
+            f"most {MOST_DENSE_ROWS} dofs; got {structure.dofs} on {structure.comm.size} "
+            "rank(s): use a "
             "coarser mesh, or superposition() or extract() with a growing n."
         )
 
@@ -355,7 +361,7 @@ class _ModesAtSite:
         phi = modes.phi[:, visible]
 
         if len(omega):
-            start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
+            start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED_DISTANCE * omega)
             size = np.sqrt(np.add.reduceat(b**2, start))
             phi = np.add.reduceat(phi * b, start, axis=1) / size
             omega = omega[start]
@@ -410,7 +416,7 @@ class _ModesAtSite:
         structure, where = self._structure, self._where
         elastic = self._static.y[:, 0] / self._static.W[0, 0]
         if structure.rigid_modes.shape[1]:
-            elastic = statics(structure, structure.factorize(), where.B)[:, 0]
+            elastic = elastic_response(structure, structure.factorize(), where.B)[:, 0]
         compliance = float(dot(self._comm, where.b, elastic))
         poles = np.where(modes.omega > 0, modes.omega, np.inf) ** 2
         r = compliance - float(np.sum(b**2 / poles))

@@ -14,7 +14,7 @@ from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.structure import NodalMatrices
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import NOT_KNOWN
-from antiosc.reduce.site.site import Functional, Site, algebraic, functional_on_nodes
+from antiosc.reduce.site.site import Functional, Site, functional_on_nodes, functional_on_rows
 
 
 def functional(structure: Structure, site: Site) -> Functional:
@@ -31,7 +31,7 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
     if structure.matrices.nodal:
         nodal = cast(NodalMatrices, structure.matrices)
         return [
-            algebraic(nodal, site)
+            functional_on_rows(nodal, site)
             if site.node is None and site.direction is None
             else functional_on_nodes(nodal, site)
             for site in sites
@@ -53,7 +53,7 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
         found = dict(zip(at_points, on_mesh, strict=True))
 
     return [
-        found[k] if k in found else algebraic(structure.matrices, site)
+        found[k] if k in found else functional_on_rows(structure.matrices, site)
         for k, site in enumerate(sites)
     ]
 

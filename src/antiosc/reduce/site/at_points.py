@@ -37,25 +37,25 @@ from antiosc.reduce.site.site import (
     LEAST_FREE_SHARE,
     Functional,
     Site,
-    algebraic,
-    constrained,
+    constrained_message,
+    functional_on_rows,
     tangents,
 )
 from antiosc.reduce.site.sites import (
-    ALONG_SURFACE,
+    SURFACE_COSINE,
     Sites,
-    located,
-    sums,
+    load_sums,
+    located_sites,
     warn_of_doubts,
 )
 
 #: Largest distance of a point that counts as on the structure, over the structure's size.
-ON_STRUCTURE = 1e-6
+STRUCTURE_TOLERANCE = 1e-6
 
 
 def functionals_at(structure: MeshedParts, sites: Sequence[Site]) -> list[Functional]:
     """Load vectors of sites at points, all at once; errors as in `functionals`."""
-    loads = before_joining(structure, sites, lambda member: member.part)
+    loads = functionals_on_u(structure, sites, lambda member: member.part)
     return [_on_q(structure, *pair) for pair in zip(sites, loads, strict=True)]
 
 
@@ -66,12 +66,12 @@ def _on_q(structure: MeshedParts, site: Site, functional: Functional) -> Functio
     if norm(comm, B[:, 0]) <= LEAST_FREE_SHARE * norm(comm, functional.b):
         assert functional.point is not None
         place = repr(site.point) if isinstance(site.point, str) else f"at {text(functional.point)}"
-        raise SiteError(constrained(f"the site {place}"))
+        raise SiteError(constrained_message(f"the site {place}"))
 
     return replace(functional, B=B)
 
 
-def before_joining(
+def functionals_on_u(
     structure: MeshedParts, sites: Sequence[Site], part_of: Callable[[Member], MeshedStructure]
 ) -> list[Functional]:
     """Load vectors of sites on the dofs of all parts before they are joined.
@@ -82,7 +82,9 @@ def before_joining(
     by_part: dict[str, dict[int, Place]] = {}
     for k, place in enumerate(places_of(structure, sites)):
         if isinstance(place, PointMotion):
-            by_site[k] = _without_mesh(cast(AssembledMatrices, structure), sites[k], place)
+            by_site[k] = _functional_without_mesh(
+                cast(AssembledMatrices, structure), sites[k], place
+            )
         else:
             by_part.setdefault(place.member.name, {})[k] = place
 
@@ -90,7 +92,7 @@ def before_joining(
         places = list(of_part.values())
         part = part_of(places[0].member)
         struck = [sites[k] for k in of_part]
-        found = _on_mesh(part, struck, places)
+        found = _sites_on_mesh(part, struck, places)
         warn_of_doubts(part, found)
         functionals = _site_functionals(structure, part, struck, places, found)
         by_site.update(zip(of_part, functionals, strict=True))
@@ -127,7 +129,9 @@ def places_of(matrices: MeshedParts, sites: Sequence[Site]) -> list[Place | Poin
     return [found[k] for k in range(len(sites))]
 
 
-def _without_mesh(structure: AssembledMatrices, site: Site, end: PointMotion) -> Functional:
+def _functional_without_mesh(
+    structure: AssembledMatrices, site: Site, end: PointMotion
+) -> Functional:
     """Load vector on u of a superelement's site or of a reference point, whose motion is `end`."""
     layout = structure.layout
     part, _, name = str(site.point).partition(":")
@@ -165,7 +169,9 @@ def _without_mesh(structure: AssembledMatrices, site: Site, end: PointMotion) ->
 # -- on one mesh
 
 
-def _on_mesh(structure: MeshedStructure, sites: Sequence[Site], places: Sequence[Place]) -> Sites:
+def _sites_on_mesh(
+    structure: MeshedStructure, sites: Sequence[Site], places: Sequence[Place]
+) -> Sites:
     """The sites as arrays, at their `places` on a mesh."""
     mesh = structure.mesh
     placed = places[0].member.at.placed
@@ -187,15 +193,15 @@ def _on_mesh(structure: MeshedStructure, sites: Sequence[Site], places: Sequence
     leaving = _leaving(structure, nearest.x, directions, radii)
     directions[leaving] *= -1.0
     for x in placed(nearest.x[leaving]):
-        warn(structure.comm, TURNED.format(point_text(x)), ChoiceWarning)
+        warn(structure.comm, TURNED_WARNING.format(point_text(x)), ChoiceWarning)
 
-    sites_found = located(structure, nearest.x, directions, radii, nearest)
+    sites_found = located_sites(structure, nearest.x, directions, radii, nearest)
     _check_sites(sites_found, placed)
     return sites_found
 
 
 #: Of a direction that leaves the material: a contact pushes.
-TURNED = "the direction of the site at {} leaves the material there: it is turned into it."
+TURNED_WARNING = "the direction of the site at {} leaves the material there: it is turned into it."
 
 
 def _leaving(
@@ -206,7 +212,7 @@ def _leaving(
         return np.zeros(len(points), dtype=bool)
     contact = structure.surface_below(points, directions, radii)
     cosines = np.einsum("pd,pd->p", directions, contact.normals)
-    return np.isfinite(contact.depth) & (cosines > ALONG_SURFACE)
+    return np.isfinite(contact.depth) & (cosines > SURFACE_COSINE)
 
 
 def _site_functionals(
@@ -223,7 +229,7 @@ def _site_functionals(
         for across in tangents(found.directions, "z" not in part.form.components):
             B = loads(part.comm, part.form, found.weighted, across)
             free = part.joined(B)
-            is_movable = sums(part, free) > LEAST_FREE_SHARE * sums(part, B)
+            is_movable = load_sums(part, free) > LEAST_FREE_SHARE * load_sums(part, B)
             columns.append((free @ scipy.sparse.diags(is_movable.astype(float))).tocsr())
             axes.append(across)
 
@@ -254,7 +260,7 @@ def _site_functionals(
 
 
 #: An impact does not bend a sheet or a thin block if its cosine with the normal is below this.
-ALONG = 0.3
+BENDING_COSINE = 0.3
 
 
 def cell_and_waves(
@@ -281,7 +287,7 @@ def cell_and_waves(
         bending_share = float(np.linalg.norm(direction - (direction @ tangents.T) @ tangents))
 
     speed = material.bar_speed()
-    gyration = thickness / sqrt(12) if bending_share > ALONG else 0.0
+    gyration = thickness / sqrt(12) if bending_share > BENDING_COSINE else 0.0
     return size, speed * gyration, speed
 
 
@@ -302,7 +308,7 @@ def _check_sites(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
                 f"facets there measure {facets}; refine around the site to {least}."
             )
         if sites_found.moving[i] <= LEAST_FREE_SHARE:
-            raise SiteError(constrained(f"the site at {text(points[i])}"))
+            raise SiteError(constrained_message(f"the site at {text(points[i])}"))
 
 
 def _check_distance(site: Site, place: Place) -> None:
@@ -310,7 +316,7 @@ def _check_distance(site: Site, place: Place) -> None:
     assert site.point is not None
     point, nearest = in_space(site.point), place.nearest  # type: ignore[arg-type]
     mesh = place.member.part.mesh
-    tolerance = ON_STRUCTURE * mesh.extent()
+    tolerance = STRUCTURE_TOLERANCE * mesh.extent()
     if site.snap is False and nearest.distance <= tolerance:
         return
     free = isinstance(site.snap, bool)
@@ -323,7 +329,7 @@ def _check_distance(site: Site, place: Place) -> None:
         )
 
 
-class Released:
+class ReleasedSupports:
     """Reactions of supports as virtual work on motions of the structure that release one support.
 
     `centres`: support -> (3,) mean of its nodes [m]; `pulled` (rows of this rank, 6 S): forces on
@@ -362,11 +368,11 @@ class Released:
         with without_warnings():  # they were told of when the model was extracted
             for site in sites:
                 if site.point is not None:
-                    (functional,) = before_joining(self._of, [site], self._part)
+                    (functional,) = functionals_on_u(self._of, [site], self._part)
                 elif self._assembly:
                     raise InputError("reactions of an assembly take sites at points, not dofs.")
                 else:
-                    functional = algebraic(self._part(self._of.members()[0]), site)
+                    functional = functional_on_rows(self._part(self._of.members()[0]), site)
                 columns.append(functional.B)
 
         b = np.hstack(columns)
@@ -400,14 +406,14 @@ class Released:
         for member in self._of.members():
             prefix = f"{member.name}:" if member.name else ""
             for name, dofs in dofs_by_support(member.part).items():
-                centres[prefix + name] = centre = _centre(member, dofs)
+                centres[prefix + name] = centre = _dof_centre(member, dofs)
                 motions_of_dofs = member.places.rigid_motions(centre, dofs)
                 moved[prefix + name] = member.first + dofs, motions_of_dofs
 
         # supports of the assembly are constraints between dofs
         constraints = self._assembly.constraints if self._assembly else None
         rows = constraints.rows if constraints else []
-        names = names_of(supports, centres) if constraints else []
+        names = support_names(supports, centres) if constraints else []
         for name, row in zip(names, rows, strict=False):
             centres[name] = places.points[np.unique(row.matrix.indices)].mean(axis=0)
 
@@ -459,7 +465,7 @@ class Released:
         return np.asarray(free + extra)
 
 
-def _centre(member: Member, dofs: IntArray) -> Array:
+def _dof_centre(member: Member, dofs: IntArray) -> Array:
     """Mean coordinates (3,) of the nodes that have `dofs` of a part, over all ranks of the part."""
     coordinates = member.nodes[dofs // member.block]
     comm = member.part.comm
@@ -468,7 +474,7 @@ def _centre(member: Member, dofs: IntArray) -> Array:
     return np.asarray(total / max(count, 1))
 
 
-def names_of(supports: Sequence[Support], used: Container[str] = ()) -> list[str]:
+def support_names(supports: Sequence[Support], used: Container[str] = ()) -> list[str]:
     """Name of each support: its group, or "support 1", "support 2", … if not in `used`."""
     names: list[str] = []
     for number, support in enumerate(supports, start=1):
@@ -482,7 +488,7 @@ def dofs_by_support(part: MeshedStructure) -> dict[str, IntArray]:
     rows = len(part.attached_inertia)
     result = {}
     fixed = np.zeros(0, dtype=int)
-    for name, support in zip(names_of(part.supports), part.supports, strict=True):
+    for name, support in zip(support_names(part.supports), part.supports, strict=True):
         paths = fixed_dofs(part.mesh, part.form, [support])
         dofs = np.unique(np.concatenate([fixed[:0], *paths.values()]))
         result[name] = np.setdiff1d(dofs[dofs < rows], fixed)

@@ -21,19 +21,19 @@ from antiosc.fem.structure import in_space
 from antiosc.fem.structure.loads import PointMotion
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.fem.structure.place import places_at
-from antiosc.reduce.site.at_points import ON_STRUCTURE, places_of
+from antiosc.reduce.site.at_points import STRUCTURE_TOLERANCE, places_of
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site
 from antiosc.reduce.site.sites import (
     MOST_RINGS_OF_MAP,
     Sites,
-    located,
+    located_sites,
     warn_of_doubts,
 )
 
 #: Radius of a patch that facets resolve over their size.
-RESOLVED = 1.05
+RESOLVED_RATIO = 1.05
 #: Distance over the size of the mesh within which facets touch a point.
-TOUCHING = 1e-6
+TOUCH_DISTANCE = 1e-6
 #: The supports fix a site if less than this share of its load is on free dofs.
 LEAST_FREE_SHARE_ON_MAP = 0.05
 
@@ -60,7 +60,7 @@ class MapSites:
         return replace(self, sites=self.sites.taken(which), names=self.names[which])
 
 
-def targets(where: object) -> Sequence[str] | None:
+def surface_names(where: object) -> Sequence[str] | None:
     """Names of surfaces in `where`; None if it is None (the whole structure) or points."""
     if where is None or isinstance(where, str):
         return None if where is None else [where]
@@ -80,7 +80,7 @@ def targets(where: object) -> Sequence[str] | None:
     return names
 
 
-def concatenated(surfaces: Sequence[MapSites]) -> MapSites:
+def concatenated_sites(surfaces: Sequence[MapSites]) -> MapSites:
     """Sites of several surfaces as one; if one has triangles, segments of others are dropped."""
     if len(surfaces) == 1:
         return surfaces[0]
@@ -119,7 +119,7 @@ def sites_of(
     most: int | None = None,
 ) -> MapSites:
     """Sites of a map on groups, parts, points or all surfaces, `most` on each of these."""
-    names = targets(where)
+    names = surface_names(where)
     if where is not None and names is None:
         return _at_points(structure, where, direction, radius)
     places: list[tuple[Member, str | None, str]]
@@ -135,15 +135,15 @@ def sites_of(
 
     surfaces = []
     for member, group, name in places:
-        sample = farthest_points(surface(member.part, group), most)
+        sample = farthest_points(surface_sample(member.part, group), most)
         on_part, is_movable = _on_part(structure, member, sample, direction, radius, name)
         on_part = on_part.only(is_movable)
-        surfaces.append(on_part if names is None else movable(on_part, name))
+        surfaces.append(on_part if names is None else checked_sites(on_part, name))
 
-    return movable(concatenated(surfaces), None)
+    return checked_sites(concatenated_sites(surfaces), None)
 
 
-def movable(sites: MapSites, where: object) -> MapSites:
+def checked_sites(sites: MapSites, where: object) -> MapSites:
     """`sites`; InputError if there are none."""
     if not len(sites.sites):
         place = f" on {where!r}" if isinstance(where, str) else ""
@@ -165,7 +165,9 @@ def _at_points(
     found = places_at(members, points, np.tile(_in_space(direction), (len(points), 1)))
     size = float(np.linalg.norm(structure.dimensions)) if structure.assembled else None
     distance = np.array([place.nearest.distance for place in found])
-    off_points = np.flatnonzero(distance > ON_STRUCTURE * (size or members[0].part.mesh.extent()))
+    off_points = np.flatnonzero(
+        distance > STRUCTURE_TOLERANCE * (size or members[0].part.mesh.extent())
+    )
     if len(off_points):
         first = off_points[0]
         at_point = ", ".join(f"{c:.6g}" for c in points[first])
@@ -187,7 +189,7 @@ def _at_points(
             of_parts.append(on_part.only(is_movable))
             order.append(of_part[is_movable])
 
-    all_sites = movable(concatenated(of_parts), None)
+    all_sites = checked_sites(concatenated_sites(of_parts), None)
     return all_sites.taken(np.argsort(np.concatenate(order)))
 
 
@@ -217,7 +219,7 @@ def _on_part(
 
     # those with a surface under them that can move in the part
     radii = np.full(count, np.nan if radius is None else positive("radius", radius, "m"))
-    sites = located(part, sample.points, directions, radii, most_rings=MOST_RINGS_OF_MAP)
+    sites = located_sites(part, sample.points, directions, radii, most_rings=MOST_RINGS_OF_MAP)
     sites = replace(sites, clear=_from_supports(part, sample.points))
     on_face = np.isnan(sites.radii) | ((sites.share > 0) & (sites.depth <= sites.radii))
     is_movable = on_face & (sites.moving > LEAST_FREE_SHARE_ON_MAP)
@@ -237,7 +239,7 @@ def _on_part(
 
 #: Distance between points with opposite normals, for the spread of sites over a surface, over its
 #: size: both sides of a plate have sites of their own.
-OPPOSITE = 0.5
+OPPOSITE_DISTANCE = 0.5
 
 
 def farthest_points(ground: SurfaceSample, most: int | None) -> SurfaceSample:
@@ -245,7 +247,7 @@ def farthest_points(ground: SurfaceSample, most: int | None) -> SurfaceSample:
     if most is None or len(ground.points) <= most:
         return ground
     extent = float(np.ptp(ground.points, axis=0).max())
-    places = np.hstack([ground.points, OPPOSITE / 2 * extent * ground.normals])
+    places = np.hstack([ground.points, OPPOSITE_DISTANCE / 2 * extent * ground.normals])
     kept = [0]
     nearest = np.zeros(len(places), dtype=int)
 
@@ -278,18 +280,18 @@ def resolved_radius(structure: MeshedParts, site: Site) -> float | None:
         return part.surface_below(point, direction, np.array([reach]))
 
     extent = part.mesh.extent()
-    largest = float(contact(TOUCHING * extent).largest[0])
+    largest = float(contact(TOUCH_DISTANCE * extent).largest[0])
     if largest <= 0:
         depth = float(contact(extent).depth[0])
-        reach = TOUCHING * extent + (depth if np.isfinite(depth) else 0.0)
+        reach = TOUCH_DISTANCE * extent + (depth if np.isfinite(depth) else 0.0)
         largest = float(contact(reach).largest[0])
 
     if largest <= 0:
         return None
 
-    radius = RESOLVED * largest
+    radius = RESOLVED_RATIO * largest
     while (largest := float(contact(radius).largest[0])) > radius:
-        radius = RESOLVED * largest
+        radius = RESOLVED_RATIO * largest
     return radius
 
 
@@ -301,7 +303,7 @@ def _from_supports(structure: MeshedStructure, points: Array) -> Array:
     return np.asarray(cKDTree(x).query(points)[0]) if len(x) else np.full(len(points), np.inf)
 
 
-def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
+def surface_sample(structure: MeshedStructure, group: str | None) -> SurfaceSample:
     """Vertices and elements of a group of faces (of sheets, lines: cells); None: of all."""
     mesh = structure.mesh
     is_solid = structure.kind.outside

@@ -41,8 +41,10 @@ if TYPE_CHECKING:
 #: The supports fix a site if less than this share of its load is on free dofs.
 LEAST_FREE_SHARE = 1e-9
 #: Largest distance of a point from the node that it denotes, over the part's size.
-AT_NODE = 1e-6
-PATCH = "matrices have no surface for a patch: leave radius out, and the site is a node or a row."
+NODE_TOLERANCE = 1e-6
+NO_PATCH = (
+    "matrices have no surface for a patch: leave radius out, and the site is a node or a row."
+)
 
 
 @dataclass(frozen=True)
@@ -169,7 +171,7 @@ def tangents(directions: Array, plane: bool) -> list[Array]:
     return [first, np.cross(directions, first)]
 
 
-def constrained(label: str) -> str:
+def constrained_message(label: str) -> str:
     """Message that supports fix the site `label`."""
     return (
         f"{label} is fixed by supports along the direction of impact: it cannot move; choose "
@@ -178,7 +180,7 @@ def constrained(label: str) -> str:
 
 
 #: Quantities available at a point without a mesh.
-MOTIONS = ("displacement", "velocity", "acceleration", "rotation")
+MOTION_QUANTITIES = ("displacement", "velocity", "acceleration", "rotation")
 
 
 @dataclass(frozen=True)
@@ -211,7 +213,7 @@ class Functional:
         return None if self.directions is None else self.directions[0]
 
 
-def point_of(
+def located_point(
     structure: Structure, point: object, part: str | None, node: int | None = None
 ) -> tuple[Array, str | None, PointMotion | None]:
     """(coordinates (3,) [m], part or None, motion of a point without a mesh or None)."""
@@ -234,10 +236,10 @@ def motions_without_mesh(
     structure: Structure, shapes: Array, name: str, end: PointMotion, quantity: str
 ) -> Array:
     """Displacement or rotation (gdim, columns) of shapes at a point without a mesh."""
-    if quantity not in MOTIONS:
+    if quantity not in MOTION_QUANTITIES:
         raise InputError(
             f"{name!r} is a point without a mesh and has no {quantity}: ask for its "
-            f"{', '.join(MOTIONS)}."
+            f"{', '.join(MOTION_QUANTITIES)}."
         )
 
     from antiosc.fem.structure.loads import UNIT_MOTIONS  # needs dolfinx
@@ -260,7 +262,7 @@ def motions_without_mesh(
     return np.asarray(end.components(names) @ matrices.expanded(shapes))
 
 
-def algebraic(structure: StructureMatrices, site: Site) -> Functional:
+def functional_on_rows(structure: StructureMatrices, site: Site) -> Functional:
     """The load vector of a site that is given by a dof or a vector."""
     first, last = algebra.row_range(structure.K)
     n = algebra.size(structure.K)
@@ -271,7 +273,7 @@ def algebraic(structure: StructureMatrices, site: Site) -> Functional:
             "map=…)."
         )
     if site.radius is not None:
-        raise InputError(PATCH)
+        raise InputError(NO_PATCH)
 
     if site.vector is not None:
         b = floats("vector", site.vector, (n,))[first:last].copy()
@@ -290,14 +292,14 @@ def _on_free_rows(structure: StructureMatrices, B: Array, label: str) -> Array:
     B[structure.fixed[structure.fixed < len(B)]] = 0.0
     B[:, [norm(comm, b) <= LEAST_FREE_SHARE * s for b, s in zip(B.T, size, strict=True)]] = 0.0
     if not norm(comm, B[:, 0]):
-        raise SiteError(constrained(label))
+        raise SiteError(constrained_message(label))
     return B
 
 
 def functional_on_nodes(matrices: NodalMatrices, site: Site) -> Functional:
     """Load vectors of a site at a node; InputError if this is unknown or fixed."""
     if site.radius is not None:
-        raise InputError(PATCH)
+        raise InputError(NO_PATCH)
     node = _node_at(matrices, site) if site.node is None else site.node
     rows = np.flatnonzero(matrices.map.node == node)
     directions: Array | None = None
@@ -339,7 +341,7 @@ def _node_at(matrices: NodalMatrices, site: Site) -> int:
     distances = np.linalg.norm(points - in_space(site.point or ()), axis=1)
     nearest = int(np.argmin(distances))
     node = int(matrices.map.node[located][nearest])
-    if distances[nearest] > AT_NODE * float(np.ptp(points, axis=0).max()):
+    if distances[nearest] > NODE_TOLERANCE * float(np.ptp(points, axis=0).max()):
         raise InputError(
             f"the point is no node: the nearest is node {node}, {distances[nearest]:.3g} m away;"
             " use that."

@@ -33,7 +33,7 @@ from antiosc.models.body import CUT, NEAR
 
 #: Rings of a disc's quadrature in addition to those that the size of the cells requires. With too
 #: few rings, cells would be loaded by single forces.
-RINGS = 4
+EXTRA_RINGS = 4
 #: Most rings, by the dimension of the faces.
 MOST_RINGS = {1: 500, 2: 60}
 #: The same for the sites of a map. With 16 rings points lie as close as faces of a tenth of the
@@ -48,7 +48,7 @@ MOST_RISE = 0.5
 POINTS_AT_ONCE = 20_000
 
 
-def disc(rings: int) -> tuple[Array, Array]:
+def disc_rule(rings: int) -> tuple[Array, Array]:
     """Quadrature for Hertz's pressure: (points (n, 2) of the unit disc, weights with sum 1).
 
     With s² = 1 − r² the weight s r dr of the pressure is s² ds: a Gauss rule in s is exact for
@@ -62,14 +62,14 @@ def disc(rings: int) -> tuple[Array, Array]:
     return points.reshape(-1, 2), np.repeat(w / w.sum(), len(angles)) / len(angles)
 
 
-def segment(count: int) -> tuple[Array, Array]:
+def segment_rule(count: int) -> tuple[Array, Array]:
     """Gauss–Chebyshev quadrature for √(1 − x²): (points (n, 1) of [−1, 1], weights with sum 1)."""
     angles = np.pi * np.arange(1, count + 1) / (count + 1)
     weights = np.sin(angles) ** 2
     return np.cos(angles)[:, None], weights / weights.sum()
 
 
-def patches(
+def patch_points(
     faces: Faces,
     points: Array,
     radii: Array,
@@ -78,7 +78,7 @@ def patches(
 ) -> tuple[Points, Array]:
     """(quadrature points of all patches on this rank, share (P,) of each patch on faces)."""
     size = np.where(np.isfinite(contact.smallest), contact.smallest, radii)
-    rings = np.minimum(RINGS + np.ceil(4 * radii / size - 1e-6), most_rings[faces.dim])
+    rings = np.minimum(EXTRA_RINGS + np.ceil(4 * radii / size - 1e-6), most_rings[faces.dim])
     rings = rings.astype(int)
     flat = contact.rise <= FLAT_RISE * radii  # then few faces come into question for a point
 
@@ -91,7 +91,7 @@ def patches(
 
     with counting("patches of the sites", len(points), faces.mesh.comm.rank) as ready:
         for number, (count, is_flat, _) in enumerate(groups.tolist()):
-            rule, weights = disc(count) if faces.dim == 2 else segment(4 * count)
+            rule, weights = disc_rule(count) if faces.dim == 2 else segment_rule(4 * count)
             members = np.flatnonzero(group.ravel() == number)
             rise = FLAT_RISE if is_flat else MOST_RISE
             for part in np.array_split(members, 1 + len(members) * len(rule) // POINTS_AT_ONCE):
@@ -116,7 +116,7 @@ def _rule_on_faces(
     weights: Array,
     rise: float,
 ) -> tuple[Points, Array]:
-    """`patches` for the sites `part`, by one quadrature rule of the unit disc."""
+    """`patch_points` for the sites `part`, by one quadrature rule of the unit disc."""
     comm = faces.mesh.comm
     normal = normals[part]
 
@@ -186,7 +186,7 @@ class Sites:
         return {name: values for name, values in rows.items() if values is not None}
 
 
-def located(
+def located_sites(
     structure: MeshedStructure,
     points: Array,
     directions: Array,
@@ -224,7 +224,7 @@ def located(
             radii = np.where(has_radius, radii, default_radii[part])
 
         contact = faces.contact(points[patch], directions[patch], radii[patch], labels)
-        on_patches, share[patch] = patches(
+        on_patches, share[patch] = patch_points(
             faces, points[patch], radii[patch], contact, most_rings=most_rings
         )
         point_sets.append(replace(on_patches, site=np.flatnonzero(patch)[on_patches.site]))
@@ -248,13 +248,13 @@ def located(
 
     weighted = Points.joined(point_sets)
     B = loads(structure.comm, structure.form, weighted, directions)
-    weight = sums(structure, B)
+    weight = load_sums(structure, B)
     B = structure.joined(B).tocsr()
-    free_share = sums(structure, B) / np.where(weight > 0, weight, 1.0)
+    free_share = load_sums(structure, B) / np.where(weight > 0, weight, 1.0)
     return Sites(points, directions, B, radii, local, share, depth, size, free_share, weighted)
 
 
-def sums(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> Array:
+def load_sums(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> Array:
     """Sum (P,) of the absolute entries of each load vector over all ranks."""
     return np.asarray(structure.comm.allreduce(np.asarray(abs(B).sum(axis=0)).ravel()))
 
@@ -275,14 +275,14 @@ def _point_loads(
 
 
 #: A patch counts as whole if at least this share of its load is on the face, free of supports.
-WHOLE_PATCH = 0.9
+WHOLE_PATCH_SHARE = 0.9
 #: Supports nearer than this many radii of a patch hold the surface about it: on a half-space
 #: the displacement at this distance is 0.22 times that in the middle of the patch.
 NEAR_RADII = 2.0
 #: Rounding of the sizes of faces, which resolve a patch if they do not exceed its radius.
 SIZE_ROUNDING = 1e-6
 #: An impact is along the surface if its cosine with the normal is below this.
-ALONG_SURFACE = 0.1
+SURFACE_COSINE = 0.1
 
 #: Mask (P,) of sites, and what is told of them.
 Doubt: TypeAlias = tuple[BoolArray, str]
@@ -348,5 +348,5 @@ def _mesh_doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
 
 def _is_cut(sites: Sites) -> BoolArray:
     """Mask (P,) of the patches that an edge cuts, or that supports hold in part."""
-    held = (sites.moving < WHOLE_PATCH) & (sites.local > 0)
-    return np.asarray((sites.share < WHOLE_PATCH) | held)
+    held = (sites.moving < WHOLE_PATCH_SHARE) & (sites.local > 0)
+    return np.asarray((sites.share < WHOLE_PATCH_SHARE) | held)

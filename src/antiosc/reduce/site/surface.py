@@ -40,19 +40,19 @@ SHARP_ANGLE = 40.0
 #: Interior angle in degrees from which an edge is sharp; straight fillets of three cells have 210.
 INNER_ANGLE = 215.0
 #: Nodes of a fit of nine coefficients; twice as many give its uncertainty.
-NODES = 24
+FIT_NODES = 24
 #: Coefficients of a fit.
-COEFFICIENTS = 9
+FIT_COEFFICIENTS = 9
 #: Faces whose nodes are taken: those within this many radii of the face at the point.
-FACES_WIDE = 8.0
+FIT_REACH = 8.0
 #: Least relative error that is told: CAD itself has digits alone.
-LEAST_ERROR = 1e-3
+LEAST_CURVATURE_ERROR = 1e-3
 #: Singular values below this share of the largest one count as zero.
 RANK_TOLERANCE = 1e-6
 #: Least cosine between the normals of the faces in a fit and that of the point.
-LARGEST_TURN = 0.35
+LEAST_NORMAL_COSINE = 0.35
 #: Distance of nodes from a plane over the radius of the fit, up to which they lie on it.
-ON_PLANE = 1e-6
+PLANE_DISTANCE = 1e-6
 #: Distance of a middle node from the chord over the length of the side, from which it is curved.
 CURVED_SHARE = 1e-6
 #: The smaller of the two curvatures counts as zero below these multiples of the error and of the
@@ -60,7 +60,7 @@ CURVED_SHARE = 1e-6
 ZERO_CURVATURE = (3.0, 1e-3, 0.2)
 #: A surface that turns by more than this [rad] within a fit, and by as much within a wider one, has
 #: an edge there: least share of the two turns.
-EDGE_TURN, SAME_TURN = 0.3, 0.9
+EDGE_TURN, SAME_TURN_SHARE = 0.3, 0.9
 #: A sheet is struck on its rim if the direction has less than this cosine to the normal.
 RIM_COSINE = 0.5
 #: Faces touch the point within this share of their size.
@@ -157,30 +157,30 @@ def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = 
             "beams and plane parts have no surface in space: give the law of the contact."
         )
 
-    patch = _patch(faces, point)
+    patch = _patch_around(faces, point)
     touching = patch.only(patch.touching)
-    normal = _normal(touching, direction, faces.sheet)
+    normal = _mean_normal(touching, direction, faces.sheet)
     x = touching.nearest.mean(axis=0)
     surfaces = len(np.unique(touching.surfaces(faces.sheet)))
     if surfaces > 1:
-        return _sharp(EDGE if surfaces == 2 else CORNER, x, normal)
+        return _sharp_curvature(EDGE if surfaces == 2 else CORNER, x, normal)
 
     towards = normal if direction is None or not faces.sheet else direction
     if abs(float(towards @ normal)) < RIM_COSINE * float(np.linalg.norm(towards)):
-        return _sharp(EDGE, x, normal)
+        return _sharp_curvature(EDGE, x, normal)
 
     label = patch.surfaces(faces.sheet)
     return _curvature_by_fit(patch.only(np.isin(label, label[patch.touching])), x, normal)
 
 
-def _patch(faces: Faces, point: Array) -> Patch:
+def _patch_around(faces: Faces, point: Array) -> Patch:
     """The faces, of all ranks, around the one nearest to a point."""
     comm = faces.mesh.comm
     distances = np.linalg.norm(faces.centres - point, axis=1) - faces.radii
     nearest = comm.allgather(float(distances.min(initial=np.inf)))
     near_faces = np.flatnonzero(distances <= min(nearest) + faces.radii)
     largest = max(comm.allgather(float(faces.radii[near_faces].max(initial=0.0))))
-    facets = np.flatnonzero(distances <= min(nearest) + FACES_WIDE * largest)
+    facets = np.flatnonzero(distances <= min(nearest) + FIT_REACH * largest)
     xi = projected(
         lambda k, xi: faces.at(facets[k], xi),
         np.tile(point, (len(facets), 1)),
@@ -231,7 +231,7 @@ def inner_points(matrices: MeshedParts, part: str | None, spacing: float) -> Arr
     return np.concatenate(found)
 
 
-def _normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
+def _mean_normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
     """Mean unit normal (3,) at the point: outward on solids, against `direction` on sheets."""
     normals = at.normals.mean(axis=1)
     if sheet:
@@ -243,7 +243,7 @@ def _normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
     return np.asarray(mean / size if size > 0 else normals[0])
 
 
-def _kind(values: Array, error: float) -> tuple[Array, str]:
+def _surface_kind(values: Array, error: float) -> tuple[Array, str]:
     """(curvatures, zero if within `error` of zero; kind of the surface) of principal curvatures."""
     largest = float(np.abs(values).max())
     if largest == 0.0:
@@ -270,31 +270,31 @@ class _Quadric(NamedTuple):
 def _curvature_by_fit(smooth: Patch, x: Array, normal: Array) -> Curvature:
     """Curvature at `x` (3,) by fits to nodes of a smooth surface (see the module's docstring)."""
     cosine = np.abs(smooth.normals.mean(axis=1) @ normal)
-    nodes = smooth.only(cosine > LARGEST_TURN).nodes() - x
+    nodes = smooth.only(cosine > LEAST_NORMAL_COSINE).nodes() - x
     nodes = nodes[np.argsort(np.linalg.norm(nodes, axis=1), kind="stable")]
 
-    if _are_coplanar(nodes[:NODES]):
-        return _flat(x, normal)
-    if len(nodes) < COEFFICIENTS:
+    if _are_coplanar(nodes[:FIT_NODES]):
+        return _flat_curvature(x, normal)
+    if len(nodes) < FIT_COEFFICIENTS:
         raise InputError(
             f"the mesh has {len(nodes)} nodes on the surface around the site, too few for its "
             "curvature: refine it there, or give the radius."
         )
 
-    count = min(NODES, max(COEFFICIENTS, len(nodes) // 2))
-    fit = _fitted(nodes[:count], normal)
-    wider = _fitted(nodes[: 2 * count], normal)
+    count = min(FIT_NODES, max(FIT_COEFFICIENTS, len(nodes) // 2))
+    fit = _fitted_quadric(nodes[:count], normal)
+    wider = _fitted_quadric(nodes[: 2 * count], normal)
     largest = float(np.abs(fit.values).max())
     turn, wider_turn = (float(np.abs(one.values).max()) * one.radius for one in (fit, wider))
-    if turn > max(EDGE_TURN, SAME_TURN * wider_turn) and wider.radius > fit.radius:
-        return _sharp(EDGE, x, fit.normal)
+    if turn > max(EDGE_TURN, SAME_TURN_SHARE * wider_turn) and wider.radius > fit.radius:
+        return _sharp_curvature(EDGE, x, fit.normal)
 
     change = float(np.abs(fit.values - wider.values).max()) if len(nodes) > count else largest
-    error = max(2 * fit.deviation, 2 * change, LEAST_ERROR * largest)
-    if error > largest / 2 and _are_coplanar(nodes[:COEFFICIENTS]):
-        return _flat(x, normal)  # a flat beside a rounded edge
+    error = max(2 * fit.deviation, 2 * change, LEAST_CURVATURE_ERROR * largest)
+    if error > largest / 2 and _are_coplanar(nodes[:FIT_COEFFICIENTS]):
+        return _flat_curvature(x, normal)  # a flat beside a rounded edge
 
-    values, kind = _kind(fit.values, error)
+    values, kind = _surface_kind(fit.values, error)
     return Curvature(kind, values, error, fit.directions, x, fit.normal)
 
 
@@ -303,15 +303,15 @@ def _are_coplanar(nodes: Array) -> bool:
     from_middle = nodes - nodes.mean(axis=0)
     across = np.linalg.svd(from_middle)[2][2]
     size = np.linalg.norm(nodes, axis=1).max()
-    return bool(np.abs(from_middle @ across).max() <= ON_PLANE * size)
+    return bool(np.abs(from_middle @ across).max() <= PLANE_DISTANCE * size)
 
 
-def _flat(x: Array, normal: Array) -> Curvature:
+def _flat_curvature(x: Array, normal: Array) -> Curvature:
     """The curvature of a plane with this normal at x."""
     return Curvature(PLANE, np.zeros(2), 0.0, _tangents(normal), x, normal)
 
 
-def _sharp(kind: str, x: Array, normal: Array) -> Curvature:
+def _sharp_curvature(kind: str, x: Array, normal: Array) -> Curvature:
     """The curvature at an edge or a corner (`kind`): none is known."""
     return Curvature(kind, np.full(2, np.nan), np.nan, np.full((2, 3), np.nan), x, normal)
 
@@ -321,7 +321,7 @@ def _tangents(normal: Array) -> Array:
     return np.asarray(np.linalg.svd(normal[None])[2][1:])
 
 
-def _fitted(nodes: Array, normal: Array) -> _Quadric:
+def _fitted_quadric(nodes: Array, normal: Array) -> _Quadric:
     """The quadric w = c + b·y + yᵀ H y/2 through nodes y (n, 3), exact on spheres and cylinders."""
     radius = float(np.linalg.norm(nodes[-1])) * (1 + TOUCH_SHARE)
     basis = np.vstack([_tangents(normal), normal])
@@ -461,7 +461,7 @@ def _curvature(place: Place) -> Curvature:
 
     if part.kind.sheet and part.mesh.gdim == 2:  # in the plane z = 0, seen by the impactor
         side = -1.0 if along is not None and along[2] > 0 else 1.0
-        curved = _flat(place.point * [1.0, 1.0, 0.0], np.array([0.0, 0.0, side]))
+        curved = _flat_curvature(place.point * [1.0, 1.0, 0.0], np.array([0.0, 0.0, side]))
     else:
         curved = curvature(part.mesh, part.faces, place.point, along)
 
@@ -470,7 +470,7 @@ def _curvature(place: Place) -> Curvature:
     return curved.placed(at.rotation, at.placed(np.zeros((1, 3)))[0])
 
 
-class PlaneOf(Body):
+class StructurePlane(Body):
     """A structure as what an impactor strikes; default `surface`: a flat face of its material."""
 
     def __init__(self, structure: Structure, surface: Surface | None = None) -> None:
