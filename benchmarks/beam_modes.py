@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import ModalModel
-from antiosc.models.closed_form import Solved, StruckBeam
+from antiosc.models.closed_form import PolynomialBeam, StruckBeam
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia
 
@@ -26,7 +26,7 @@ def _gauss_points() -> tuple[Array, Array]:
     return np.polynomial.legendre.leggauss(300)
 
 
-def inertia_of(struck: StruckBeam, solved: Solved, shapes: Array) -> Inertia | None:
+def inertia_of(struck: StruckBeam, solved: PolynomialBeam, shapes: Array) -> Inertia | None:
     """The inertia of a free beam along x that moves along y; None for a supported one."""
     if not solved.rigid.shape[1]:
         return None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from antiosc import History, ImpactMap, LinearBody, SceneHistory
 from antiosc.base.texts import capitalised, engineering, percent, plus_minus, point_text
 from antiosc.extension import ErrorBudget, hardest, left_out_text, low_band, trusted
-from antiosc.models.body import piercing
+from antiosc.models.body import piercing_warning
 from antiosc_app.scene_file.run import coarse_cells
 
 if TYPE_CHECKING:
@@ -82,7 +82,11 @@ def caution_of(hit: History, budget: ErrorBudget | None) -> str:
     """Text that must be read before the numbers of an impact; "" if nothing questions them."""
     cautions = []
     if not isinstance(hit, SceneHistory):
-        cautions += [hit.assembly.hopeless, piercing(hit.model, hit.impactor), hit.unfinished]
+        cautions += [
+            hit.assembly.hopeless,
+            piercing_warning(hit.model, hit.impactor),
+            hit.unfinished,
+        ]
 
     cautions.append(coarse_cells(hit))
     if budget is None:

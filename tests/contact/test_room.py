@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.models.body import piercing
+from antiosc.models.body import piercing_warning
 from antiosc.reduce.site.surface import surface_at
 from antiosc_app.headline import caution_of
 
@@ -45,9 +45,9 @@ def test_a_ball_that_pierces_the_part_is_told(angle):
     sound, large = (
         ao.Sphere(radius=radius, material="steel S235", velocity=0.2) for radius in (8e-3, 0.02)
     )
-    assert piercing(model, sound) == ""
-    sentence = piercing(model, large)
+    assert piercing_warning(model, sound) == ""
+    sentence = piercing_warning(model, large)
     assert "20.0 mm, pierces the part at (10, " in sentence
-    assert piercing(large, model, ("", "")) == sentence
+    assert piercing_warning(large, model, ("", "")) == sentence
     hit = ao.simulate(model, large, duration=2e-4)
     assert caution_of(hit, None).startswith(sentence)

@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.models.body import ModalModel
-from antiosc.models.free_modes import residual
+from antiosc.models.free_modes import residual_parameters
 from antiosc_studies.find import prepared
 
 pytestmark = pytest.mark.fem
@@ -49,7 +49,7 @@ def own_signals(
     """Signals of the model of find_impact itself at a vertex, the impact and its place."""
     known = prepared(part, sensors, None, DOWN, None, MODES, None)
     seen, sites = known.seen, known.seen.map_sites.sites
-    r, _ = residual(seen.omega, seen.b, seen.compliance, seen.inertia)
+    r, _ = residual_parameters(seen.omega, seen.b, seen.compliance, seen.inertia)
     modes = ao.ModalBody(seen.omega, seen.b[site], float(r[site]))
     body = ModalModel(modes, float(sites.local[site]), float(sites.radii[site]))
     hit = ao.simulate(body, BLOW, law, SAMPLES / RATE, tol=1e-6)

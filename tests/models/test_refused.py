@@ -13,7 +13,7 @@ import pytest
 import antiosc as ao
 from antiosc import plotting
 from antiosc.engine.contact import Tabulated
-from antiosc.models.anti_oscillators import VERSION
+from antiosc.models.anti_oscillators import FORMAT_VERSION
 from antiosc.models.closed_form import (
     StruckBeam,
     UniformBeam,
@@ -197,7 +197,7 @@ def test_fields_of_a_body_with_several_sites() -> None:
     assert SITES.field(x).shape == (7, 4)
 
 
-HEADER = {"format": "antiosc-model", "version": VERSION}
+HEADER = {"format": "antiosc-model", "version": FORMAT_VERSION}
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,7 @@ def test_the_force_is_off_by_no_more_than_is_told_for_too_few_second_order_modes
     model = ao.extract(part, ao.Site((0.5, 0.45, 0.0), (0, 0, -1)), n=30, stretch="auto")
     striker = ao.RigidMass(0.2, 1.5)
     exact = ao.simulate(model, striker, ao.Hertz(1e7), 1e-2).peak_force
-    monkeypatch.setattr(stretching, "MOST", 6)
+    monkeypatch.setattr(stretching, "MOST_MODES", 6)
     messages: list[str] = []
     with warnings_to(messages.append):
         hit = ao.simulate(model, striker, ao.Hertz(1e7), 1e-2)

@@ -34,7 +34,7 @@ from antiosc.impact.histories.factors import AT_ONCE, AnyHistory, amplitudes, mo
 from antiosc.impact.histories.motion import RunHistory
 from antiosc.impact.histories.parts import BodyHistory
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.parameters import has_bars
+from antiosc.models.parameters import has_error_bars
 from antiosc.recovery import source
 from antiosc.recovery.place import NO_OUTLINE, Place, Reach, on_outlines, place
 from antiosc.reduce.site.site import located_point, motions_without_mesh
@@ -477,7 +477,7 @@ def probe_error(
     half = values(history.rerun(linear.truncated(model.n // 2), tol))
     truncation = largest(own - half) / size
 
-    budget = history.error_budget if has_bars(model) else None
+    budget = history.error_budget if has_error_bars(model) else None
     mesh = None
     if budget is not None and model.strain_error is not None:
         corrected = largest(values(history.rerun(linear.corrected(), tol)))

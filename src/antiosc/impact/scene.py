@@ -46,7 +46,7 @@ from antiosc.impact.scene_parts import SceneParts
 from antiosc.impact.settings import IVP_METHODS, MAX_CONTACTS, MAX_STEPS, Settings
 from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators, is_reduced
-from antiosc.models.body import AUTO, AnyLaw, LinearBody, coarse_cell, is_auto, law_of
+from antiosc.models.body import AUTO, AnyLaw, LinearBody, coarse_cell_warning, is_auto, law_of
 from antiosc.models.motion import Motion
 
 if TYPE_CHECKING:
@@ -345,7 +345,7 @@ def _warn_coarse_cells(scene: Scene, history: SceneHistory) -> None:
         for end in (contact.a, contact.b) if touched.contacts else ():
             name, _, site = end.partition(":")
             estimate = history.assembly.contact_time_estimate
-            if sentence := coarse_cell(scene.bodies.get(name), site, estimate):
+            if sentence := coarse_cell_warning(scene.bodies.get(name), site, estimate):
                 of = f"{contact.a!r} and {contact.b!r}"
                 warn(f"{name!r} in the contact of {of}: {sentence}", AccuracyWarning)
 
@@ -461,7 +461,7 @@ def simulate(
         history = with_warning(history, too_few_in(history, history.rerun, accuracy))
     if history.run.touches:
         estimate = history.assembly.contact_time_estimate
-        history = with_warning(history, coarse_cell(history.model, "", estimate))
+        history = with_warning(history, coarse_cell_warning(history.model, "", estimate))
     warn_large_rotation(*history.largest_rotation())
     history = with_warning(history, large_deflection_message(history))
     check_range(history, doubts)

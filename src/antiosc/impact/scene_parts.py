@@ -31,7 +31,7 @@ from antiosc.engine.contact import ContactLaw
 from antiosc.engine.system import side_by_side
 from antiosc.impact.bodies import PARALLEL, Obstacle, RigidBody, SceneBody
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import AUTO, LAW, checked_body, choice_at_sites, is_auto
+from antiosc.models.body import AUTO, LAW_RULE, checked_body, choice_at_sites, is_auto
 from antiosc.models.modal import SiteModes
 from antiosc.models.motion import ModalState, Motion
 
@@ -39,7 +39,7 @@ from antiosc.models.motion import ModalState, Motion
 def _checked_law(name: str, law: object) -> object:
     if is_auto(law):
         return law
-    return checks.instance(name, law, ContactLaw, LAW)
+    return checks.instance(name, law, ContactLaw, LAW_RULE)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

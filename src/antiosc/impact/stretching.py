@@ -20,7 +20,7 @@ from antiosc.engine.system import stretch_forces
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.linear_theory import deflection, sampled_motion
-from antiosc.models.stretch import MOST, NARROWED, Stretch
+from antiosc.models.stretch import MOST_MODES, NARROWING_REMEDY, Stretch
 
 H = TypeVar("H", bound=History)
 #: Integrates an assembly.
@@ -148,7 +148,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
             )
 
     aim = max(tol, LEAST_TOL)
-    most_modes = min(max(motion.forces.size for motion in motion_by_body.values()), MOST)
+    most_modes = min(max(motion.forces.size for motion in motion_by_body.values()), MOST_MODES)
     count = min(FIRST_MODES, most_modes)
     runs: list[H] = []
     changes: list[dict[str, float]] = []
@@ -256,7 +256,7 @@ def _not_enough(count: int, shares: Mapping[str, float]) -> str:
     shares : relative errors by `stretch_shares`.
     """
     force, deflection = shares["peak_force"], shares[bars.DEFLECTION]
-    advice = f" To narrow it, {NARROWED}." if max(force, deflection) > ROUGH else ""
+    advice = f" To narrow it, {NARROWING_REMEDY}." if max(force, deflection) > ROUGH else ""
     return (
         f"Second-order forces leave an error of {percent(force)} of the force and of"
         f" {percent(deflection)} of the deflection: it is so large or so local that those of"

@@ -30,7 +30,7 @@ from antiosc.impact.bodies import (
 )
 from antiosc.impact.scene_parts import gravity_load, two_body_parts
 from antiosc.impact.settings import Settings
-from antiosc.models.body import AUTO, LAW, AnyLaw, LinearBody, checked_body, law_of
+from antiosc.models.body import AUTO, LAW_RULE, AnyLaw, LinearBody, checked_body, law_of
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.models.stretch import stretch_of
@@ -156,7 +156,7 @@ def assemble_pair(impact: Impact) -> Assembly:
     """Assemble "structure" and "impactor"."""
     model, impactor, contact, duration, _, gravity, gap = impact
     pair = modal_pair(impact)
-    checks.instance("contact", contact, ContactLaw, LAW)
+    checks.instance("contact", contact, ContactLaw, LAW_RULE)
     law, notes = without_patch(contact, pair.local, "structure", "impactor")
     gap = pair.gap(gap)
 

@@ -49,7 +49,7 @@ from antiosc.models.modal import Damping, ModalBody, SiteModes
 from antiosc.models.motion import Inertia
 from antiosc.models.parameters import (
     Parameters,
-    checked,
+    checked_parameters,
     sorted_damping,
     with_sums,
 )
@@ -60,17 +60,17 @@ if TYPE_CHECKING:
 
     from antiosc.models.recurrence import Recurrence
 
-FORMAT = "antiosc-model"
+FORMAT_NAME = "antiosc-model"
 #: the only version that is read
-VERSION = 4
+FORMAT_VERSION = 4
 
 #: Most bytes of a file's arrays. Each of a million anti-oscillators takes 8 MB.
-_LARGEST = 2**27
+_LARGEST_FILE = 2**27
 #: Deepest brackets of a header: half of what Python's parser takes.
-_DEEPEST = 400
+_DEEPEST_HEADER = 400
 
 #: what JSON has by name
-Named: TypeAlias = dict[str, Any]
+NamedValues: TypeAlias = dict[str, Any]
 
 
 def write_model_file(
@@ -82,17 +82,17 @@ def write_model_file(
     except (TypeError, ValueError, RecursionError) as error:
         raise InputError(f"model.info must hold JSON values only: {error}.") from None
 
-    if checks.nests_deeper(text, _DEEPEST):
-        raise InputError(f"model.info must nest at most {_DEEPEST - 1} levels; flatten it.")
+    if checks.nests_deeper(text, _DEEPEST_HEADER):
+        raise InputError(f"model.info must nest at most {_DEEPEST_HEADER - 1} levels; flatten it.")
     archives.write_arrays(path, {"header": np.array(text), **arrays}, "the model")
 
 
 def read_model_file(
     path: str | os.PathLike[str],
     needed: set[str],
-    expected: str = FORMAT,
-    largest: int = _LARGEST,
-) -> tuple[Named, Arrays]:
+    expected: str = FORMAT_NAME,
+    largest: int = _LARGEST_FILE,
+) -> tuple[NamedValues, Arrays]:
     """(header, arrays) of a model file that has the arrays `needed`; else InputError."""
     source = checks.path("path", path)
     files.check_readable(source, "a model")
@@ -101,17 +101,17 @@ def read_model_file(
 
     try:
         text = str(arrays.pop("header"))
-        if checks.nests_deeper(text, _DEEPEST):
+        if checks.nests_deeper(text, _DEEPEST_HEADER):
             raise InputError(f"{path} is not {file_text}, or it is damaged.")
         header = json.loads(text)
         found = header["format"], header["version"]
     except (KeyError, TypeError, ValueError, RecursionError):
         raise InputError(f"{path} is not {file_text}, or it is damaged.") from None
 
-    if found != (expected, VERSION):
+    if found != (expected, FORMAT_VERSION):
         raise InputError(
             f"{path} has the format {checks.shown(found[0])} of version {checks.shown(found[1])}; "
-            f"{expected!r} of version {VERSION} is read: write it again."
+            f"{expected!r} of version {FORMAT_VERSION} is read: write it again."
         )
 
     missing_names = needed - arrays.keys()
@@ -121,11 +121,11 @@ def read_model_file(
 
 
 #: Arrays of a model, those of its inertia and of its second-order forces.
-_ARRAYS = (
+_MODEL_ARRAYS = (
     *("m0", "k0", "m", "omega", "P", "participation", "direction", "dependence", "rigid"),
     *("strain_error", "strain_misfit"),
 )
-_PARTS = {
+_ARRAYS_OF_PART = {
     "inertia": ("point", "matrix", "momentum"),
     "stretch": ("modes", "quadratic", "cubic"),
     "recurrence": ("k0", "mass", "start", "H", "scalars"),
@@ -134,15 +134,15 @@ _PARTS = {
 
 def save_model(model: Parameters, path: str | os.PathLike[str]) -> None:
     """Write a model, completely or not at all; see `AntiOscillators.save`."""
-    arrays = {name: getattr(model, name) for name in _ARRAYS}
+    arrays = {name: getattr(model, name) for name in _MODEL_ARRAYS}
     if model.sites:  # of which it follows
         del arrays["m"]
-    for part, names in _PARTS.items():
+    for part, names in _ARRAYS_OF_PART.items():
         arrays |= {f"{part}.{name}": getattr(getattr(model, part), name, None) for name in names}
     local = np.asarray(model.local_compliance).tolist()
     header = {
-        "format": FORMAT,
-        "version": VERSION,
+        "format": FORMAT_NAME,
+        "version": FORMAT_VERSION,
         "local_compliance": local,
         "radius": model.radius,
         "stretch": None if model.stretch is None else model.stretch.count,
@@ -155,18 +155,18 @@ def save_model(model: Parameters, path: str | os.PathLike[str]) -> None:
     write_model_file(path, header, known)
 
 
-def saved_arguments(path: str | os.PathLike[str]) -> Named:
+def saved_arguments(path: str | os.PathLike[str]) -> NamedValues:
     """The arguments of `AntiOscillators` in a model file; InputError for other files."""
     header, arrays = read_model_file(path, {"m0", "k0", "omega"})
 
     try:
-        inertia, stretch, recurrence = (_arrays_of_part(arrays, part) for part in _PARTS)
+        inertia, stretch, recurrence = (_arrays_of_part(arrays, part) for part in _ARRAYS_OF_PART)
         return {
-            **{name: arrays.get(name) for name in _ARRAYS},
+            **{name: arrays.get(name) for name in _MODEL_ARRAYS},
             "inertia": Inertia(*inertia) if inertia else None,
             "stretch": Stretch(*[*stretch, header["stretch"]]) if stretch else None,
-            "recurrence": _recurrence(*recurrence) if recurrence else None,
-            "damping": _damping(header["damping"]),
+            "recurrence": _loaded_recurrence(*recurrence) if recurrence else None,
+            "damping": _loaded_damping(header["damping"]),
             "info": ModelInfo.of(header["info"]),
             "sites": tuple(header["sites"]),
             "columns": dict(header["columns"]),
@@ -177,7 +177,9 @@ def saved_arguments(path: str | os.PathLike[str]) -> Named:
         raise damaged_file(path, error) from error
 
 
-def _recurrence(k0: Array, mass: Array, start: Array, H: Array, scalars: Array) -> Recurrence:
+def _loaded_recurrence(
+    k0: Array, mass: Array, start: Array, H: Array, scalars: Array
+) -> Recurrence:
     """The recurrence with arrays of a model file; `scalars`: its n and shift."""
     from antiosc.models.recurrence import Recurrence  # loaded where it is used
 
@@ -187,7 +189,7 @@ def _recurrence(k0: Array, mass: Array, start: Array, H: Array, scalars: Array) 
 
 def _arrays_of_part(arrays: Arrays, part: str) -> list[Any]:
     """Arrays of the `part` of a model ("inertia", "stretch", …) in a file; [] if it has none."""
-    names = (f"{part}.{name}" for name in _PARTS[part])
+    names = (f"{part}.{name}" for name in _ARRAYS_OF_PART[part])
     return [arrays[name] for name in names if name in arrays]
 
 
@@ -199,7 +201,7 @@ def damaged_file(path: str | os.PathLike[str], error: Exception) -> InputError:
     )
 
 
-def _damping(values: Named | None) -> Damping | DampingMatrix | None:
+def _loaded_damping(values: NamedValues | None) -> Damping | DampingMatrix | None:
     """The damping described in the header of a model file."""
     if values is None:
         return None
@@ -379,7 +381,7 @@ class AntiOscillators(ReprMixin, Parameters):
         checks.store(self, info=ModelInfo.of(self.info))
         checks.instance("sites", self.sites, (list, tuple), "names")
         as_passed = self.omega
-        checks.store(self, **checked(self))
+        checks.store(self, **checked_parameters(self))
         if isinstance(self.damping, DampingMatrix):
             checks.store(self, damping=sorted_damping(self, self.damping, as_passed))
 
@@ -473,7 +475,7 @@ class AntiOscillators(ReprMixin, Parameters):
         InputError
             For a model that was extracted without `error="estimate"`.
         """
-        softened = parameters.corrected(self)
+        softened = parameters.softened_model(self)
         if self.stretch is None:
             return softened
         return replace(softened, stretch=self._stretch_of_corrected(self.stretch))
@@ -485,7 +487,7 @@ class AntiOscillators(ReprMixin, Parameters):
         )  # the motions are expressed in the shapes of this model
         raw = replace(self, stretch=None, inertia=None, hidden=None, shapes=shapes)
         before = raw.free_modes
-        after = parameters.corrected(raw).free_modes
+        after = parameters.softened_model(raw).free_modes
         assert before.shape is not None
         assert after.shape is not None
         motions = before.field((before.shape @ stretch.modes).T).T

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from antiosc.engine.contact.choice import Choice
 
 #: Key of `ModelInfo.surfaces` under which the reason stands if a surface is unknown.
-NOT_KNOWN = "not known"
+UNKNOWN_SURFACE = "not known"
 
 
 class MeasuredBand(TypedDict):
@@ -112,8 +112,12 @@ class ModelInfo(ReprMixin):
         if isinstance(record, ModelInfo):
             return record
         checks.instance("info", record, Mapping, "a ModelInfo, or a dict of facts")
-        attributes = {name: value for name, value in record.items() if name in _NAMES}
-        notes = {n: value for n, value in record.items() if n not in _NAMES and value is not None}
+        attributes = {name: value for name, value in record.items() if name in _ATTRIBUTE_NAMES}
+        notes = {
+            n: value
+            for n, value in record.items()
+            if n not in _ATTRIBUTE_NAMES and value is not None
+        }
         return cls(**attributes, notes=notes)
 
     def having(self, **facts: Any) -> ModelInfo:
@@ -126,7 +130,7 @@ class ModelInfo(ReprMixin):
                 count = checks.whole(f"info.{name}", getattr(self, name), least=0)
                 checks.store(self, **{name: count})
 
-        for name, (kinds, expected) in _KINDS.items():
+        for name, (kinds, expected) in _VALUE_TYPES.items():
             if getattr(self, name) is not None:
                 checks.instance(f"info.{name}", getattr(self, name), kinds, expected)
 
@@ -141,11 +145,11 @@ class ModelInfo(ReprMixin):
     def known_surfaces(self) -> dict[str, Surface]:
         """Site -> surface, for sites whose material and curvature are known."""
         surfaces = (self.surfaces or {}).items()
-        return {name: Surface.of(table) for name, table in surfaces if NOT_KNOWN not in table}
+        return {name: Surface.of(table) for name, table in surfaces if UNKNOWN_SURFACE not in table}
 
     def as_dict(self) -> dict[str, object]:
         """The known data as JSON values."""
-        attributes = {name: getattr(self, name) for name in _NAMES}
+        attributes = {name: getattr(self, name) for name in _ATTRIBUTE_NAMES}
         return {n: value for n, value in attributes.items() if value is not None} | dict(self.notes)
 
     def __getitem__(self, name: str) -> Any:
@@ -160,14 +164,16 @@ class ModelInfo(ReprMixin):
 
 
 #: Types of the values in a file; with other types a model could fail during a run.
-_KINDS: dict[str, tuple[tuple[type, ...], str]] = {
+_VALUE_TYPES: dict[str, tuple[tuple[type, ...], str]] = {
     **dict.fromkeys(("method", "no_estimate"), ((str,), "a text")),
     **dict.fromkeys(("points", "surfaces", "cells", "measured"), ((Mapping,), "a dict")),
     "thickness": ((int, float), "a number"),
 }
-_NAMES = tuple(entry.name for entry in dataclasses.fields(ModelInfo) if entry.name != "notes")
+_ATTRIBUTE_NAMES = tuple(
+    entry.name for entry in dataclasses.fields(ModelInfo) if entry.name != "notes"
+)
 #: The record of a body without known data.
-UNKNOWN = ModelInfo()
+UNKNOWN_INFO = ModelInfo()
 
 
 def info_of(body: object) -> ModelInfo:
@@ -175,7 +181,7 @@ def info_of(body: object) -> ModelInfo:
     info = getattr(body, "info", None)
     if isinstance(info, ModelInfo):
         return info
-    return UNKNOWN
+    return UNKNOWN_INFO
 
 
 def resolved_frequency(source: Any) -> float:
@@ -338,15 +344,15 @@ def several_sites_message(name: str, sites: tuple[str, ...]) -> str:
 #: waves have the length 2π √(c r/ω), c the speed in a bar and r the radius of gyration, others 2π
 #: c/ω (L. Cremer, M. Heckl, *Structure-Borne Sound*, 1988). On an aluminium sheet of 1 mm
 #: triangles of 0.2, 0.3, 0.5 and 1 wave changed the peak force by up to 2, 4, 47 and 100 %.
-LARGE_CELL = 0.5
+LARGE_CELL_WAVES = 0.5
 #: The same where the mesh's error is that to cells of half the size: from a wavelength on both
 #: meshes are too stiff alike (`tests/fem/error/test_quadrilaterals.py`).
-LARGE_DIVIDED_CELL = 1.0
+LARGE_DIVIDED_CELL_WAVES = 1.0
 #: The same of the width of a patch: at 0.6 of a wave the mesh's error held the force, at 0.86 not.
-LARGE_PATCH = 0.75
+LARGE_PATCH_WAVES = 0.75
 
 
-class Coarse(NamedTuple):
+class CoarseLength(NamedTuple):
     """A length at a site [m], and the wavelength [m] that it does not resolve."""
 
     size: float
@@ -355,10 +361,10 @@ class Coarse(NamedTuple):
     @property
     def allowed(self) -> float:
         """Recommended edge length of cells [m]: half of the longest that is accepted."""
-        return LARGE_CELL * self.wave / 2
+        return LARGE_CELL_WAVES * self.wave / 2
 
 
-def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
+def coarse_at(model: object, site: str, contact_time: float) -> CoarseLength | None:
     """The cell at a site if the waves of a contact of this time [s] need smaller ones, or None."""
     info = info_of(model)
     is_estimated = getattr(model, "strain_error", None) is not None
@@ -366,31 +372,31 @@ def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
     if cell is None or (is_estimated and not info.get("divided")):  # its budget tells it
         return None
 
-    limit = LARGE_DIVIDED_CELL if is_estimated else LARGE_CELL
+    limit = LARGE_DIVIDED_CELL_WAVES if is_estimated else LARGE_CELL_WAVES
 
     return _too_long(cell[0], limit, cell, contact_time)
 
 
-def wide_patch(model: object, site: str, contact_time: float) -> Coarse | None:
+def wide_patch(model: object, site: str, contact_time: float) -> CoarseLength | None:
     """The patch at a site if it is too wide for the bending waves of a contact; else None."""
     cell = (info_of(model).cells or {}).get(site)
     radius = getattr(model, "patch_radius", None)
     if cell is None or radius is None or not cell[1]:
         return None
-    return _too_long(2 * radius, LARGE_PATCH, cell, contact_time)
+    return _too_long(2 * radius, LARGE_PATCH_WAVES, cell, contact_time)
 
 
 def _too_long(
     size: float, limit: float, cell: Sequence[float], contact_time: float
-) -> Coarse | None:
+) -> CoarseLength | None:
     """The length `size` [m] if it is more than `limit` wavelengths of a contact in this `cell`."""
     _, bending, speed = cell
     omega = pi / contact_time
     wave = min(2 * pi * sqrt(bending / omega) if bending else inf, 2 * pi * speed / omega)
-    return Coarse(size, wave) if size > limit * wave else None
+    return CoarseLength(size, wave) if size > limit * wave else None
 
 
-def coarse_cell(model: object, site: str, contact_time: float) -> str:
+def coarse_cell_warning(model: object, site: str, contact_time: float) -> str:
     """Warning of a cell that does not resolve the waves of a contact; "" for others."""
     cell = coarse_at(model, site, contact_time)
     if cell is None:
@@ -406,20 +412,20 @@ def coarse_cell(model: object, site: str, contact_time: float) -> str:
 
 
 #: Reasons.
-CUT = "an edge cuts the patch"
-NEAR = "a support is within two radii of the patch"
-EDGE = "an edge or a corner is struck"
-HOLLOW = "a hollow is too narrow for the striker"
-PIERCED = "the striker pierces the part elsewhere"
+CUT_PATCH = "an edge cuts the patch"
+NEAR_SUPPORT = "a support is within two radii of the patch"
+EDGE_STRUCK = "an edge or a corner is struck"
+NARROW_HOLLOW = "a hollow is too narrow for the striker"
+PIERCED_PART = "the striker pierces the part elsewhere"
 NO_RESULT = "the impact has no result"
 BEYOND_WALL = "the force exceeds that on a wall"
 #: Reason -> what leaves fewer doubtful sites.
 REMEDIES = {
-    CUT: f"take a smaller radius of the patch, on cells not larger than it ({SMALLER_CELLS})",
-    NEAR: "hold the part elsewhere, or map another face",
-    EDGE: "map one face (where)",
-    HOLLOW: "take a smaller striker",
-    PIERCED: "take a smaller striker",
+    CUT_PATCH: f"take a smaller radius of the patch, on cells not larger than it ({SMALLER_CELLS})",
+    NEAR_SUPPORT: "hold the part elsewhere, or map another face",
+    EDGE_STRUCK: "map one face (where)",
+    NARROW_HOLLOW: "take a smaller striker",
+    PIERCED_PART: "take a smaller striker",
     BEYOND_WALL: f"take cells smaller than the radius of the patch ({SMALLER_CELLS})",
 }
 
@@ -428,7 +434,7 @@ REMEDIES = {
 AUTO: Literal["auto"] = "auto"
 #: A law, or "auto".
 AnyLaw: TypeAlias = ContactLaw | Literal["auto"]
-LAW = 'a ContactLaw such as Hertz(stiffness), or "auto"'
+LAW_RULE = 'a ContactLaw such as Hertz(stiffness), or "auto"'
 
 
 def is_auto(contact: object) -> TypeGuard[Literal["auto"]]:
@@ -443,7 +449,7 @@ def choice_at_sites(first: object, second: object, sites: tuple[str, str] = ("",
     return choose(_surface(first, sites[0]), _surface(second, sites[1]))
 
 
-def piercing(first: object, second: object, sites: tuple[str, str] = ("", "")) -> str:
+def piercing_warning(first: object, second: object, sites: tuple[str, str] = ("", "")) -> str:
     """Sentence if a round striker also touches the part beside its site; otherwise ""."""
     bodies = first, second
     surfaces = [
@@ -481,7 +487,7 @@ def _surface(body: object, site: str) -> Surface:
     surface = linear_body.surface(site)
     if surface is None:
         known = (info_of(linear_body).surfaces or {}).get(site, {})
-        reason = known.get(NOT_KNOWN, "")
+        reason = known.get(UNKNOWN_SURFACE, "")
         if reason:
             raise InputError(
                 'the contact "auto" finds no law, give one, such as Hertz: nothing is known of '
@@ -501,7 +507,7 @@ def law_of(contact: object, first: object, second: object) -> ContactLaw:
     """`contact` itself, or for "auto" the law by the surfaces of the two bodies."""
     if is_auto(contact):
         return choice_at_sites(first, second).law
-    return checks.instance("contact", contact, ContactLaw, LAW)
+    return checks.instance("contact", contact, ContactLaw, LAW_RULE)
 
 
 def choice_of(law: ContactLaw, first: object, second: object) -> Choice | None:

@@ -32,9 +32,9 @@ __all__ = ["StruckBeam", "UniformBeam", "cantilever", "pinned_free", "pinned_pin
 #: End supports: which of the motions w (0) and θ (1) they hold.
 ENDS: dict[str, tuple[int, ...]] = {"free": (), "pinned": (0,), "clamped": (0, 1), "guided": (1,)}
 #: Polynomials for each half wave on a segment, π/2 at least, and for its ends.
-PER_HALF_WAVE, AT_ENDS = 1.7, 30
+HALF_WAVE_POLYNOMIALS, END_POLYNOMIALS = 1.7, 30
 #: Share of a mode at the site (in mass) below which it is rounding.
-UNOBSERVABLE = 1e-14
+UNOBSERVABLE_SHARE = 1e-14
 
 
 @dataclass(frozen=True)
@@ -170,13 +170,18 @@ class StruckBeam:
             participation=moved,
         )
 
-    def _in_polynomials(self, count: int) -> Solved:
+    def _in_polynomials(self, count: int) -> PolynomialBeam:
         """The beam in polynomials of the degrees that its `count` lowest modes need."""
         site = self.site / self.beam.length
-        degrees = (math.ceil(PER_HALF_WAVE * count * share) + AT_ENDS for share in (site, 1 - site))
-        return Solved(self, *degrees)
+        degrees = (
+            math.ceil(HALF_WAVE_POLYNOMIALS * count * share) + END_POLYNOMIALS
+            for share in (site, 1 - site)
+        )
+        return PolynomialBeam(self, *degrees)
 
-    def _observable(self, n: int, *, held: bool = True) -> tuple[Solved, Array, Array, Array]:
+    def _observable(
+        self, n: int, *, held: bool = True
+    ) -> tuple[PolynomialBeam, Array, Array, Array]:
         """(beam, √Ω (n,), shapes, b or c (n,)) of the n lowest modes that move the site (b);
         `held`: of constraint modes with inertia c against the static shape."""
         count = n + 2
@@ -184,13 +189,15 @@ class StruckBeam:
             solved = self._in_polynomials(count)
             omega, phi = solved.lowest(count, held=held)
             share = (solved.mass @ solved.static if held else solved.at_site) @ phi
-            seen = np.flatnonzero(share**2 > UNOBSERVABLE * (solved.m_st if held else 1.0))[:n]
+            seen = np.flatnonzero(share**2 > UNOBSERVABLE_SHARE * (solved.m_st if held else 1.0))[
+                :n
+            ]
             if len(seen) == n:
                 return solved, omega[seen], phi[:, seen], share[seen]
             count *= 2
 
 
-class Solved:
+class PolynomialBeam:
     """A struck beam of length 1 in polynomials of the curvature and of the shear; see the module.
 
     Coefficients are w₀, θ₀, then those of κ and of γ/√η segment by segment.

@@ -144,7 +144,7 @@ def site_models(
         )
 
     count = omega.size + 1 if n is None else min(checks.whole("n", n), omega.size + 1)
-    r, s = residual(omega, b, C, G, shift)
+    r, s = residual_parameters(omega, b, C, G, shift)
 
     # sites that rigid-body modes hardly move are moved by elastic ones alone
     if shift:
@@ -153,11 +153,11 @@ def site_models(
         b = np.where(rigid & (share <= RIGID_SHARE)[:, None], 0.0, b)
 
     blocks = [slice(i, i + SITES_AT_ONCE) for i in range(0, len(b), SITES_AT_ONCE)]
-    parts = [parameters(omega, b[i], r[i], s[i], count, shift) for i in blocks]
+    parts = [model_parameters(omega, b[i], r[i], s[i], count, shift) for i in blocks]
     return SiteModels(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
-def residual(
+def residual_parameters(
     omega: Array, b: Array, C: Array, G: Array | None, shift: float = 0.0
 ) -> tuple[Array, Array]:
     """Compliance r (S,) [m/N] and inertia s (S,) of the modes left out, at S sites.
@@ -209,14 +209,14 @@ def error_bound(
         raise InputError(
             f"the band must end below the last free mode, {omega[-1]:g} rad/s; got {band:g} rad/s."
         )
-    r, s = (v[:, None] for v in residual(omega, b, C, G, shift))
+    r, s = (v[:, None] for v in residual_parameters(omega, b, C, G, shift))
 
-    # what `residual` took for rounding
+    # what `residual_parameters` took for rounding
     missing_compliance = np.where(r > 0, 0.0, np.abs(C - b**2 @ (1 / (omega**2 + shift)))[:, None])
     slow = np.where(s > 0, 0.0, np.abs(G - b**2 @ (1 / (omega**2 + shift) ** 2))[:, None])
     theta = s / np.where(r > 0, r, 1.0)
     p = theta * (omega[-1] ** 2 + shift)
-    x_band = samples(band, min(omega[omega > 0].min(), models.omega.min(initial=np.inf)))
+    x_band = sample_frequencies(band, min(omega[omega > 0].min(), models.omega.min(initial=np.inf)))
     x = x_band**2
     z = x + shift
     pole_distance = np.abs(1 - z / (omega[-1] ** 2 + shift))
@@ -241,18 +241,18 @@ def error_bound(
 
 
 #: Relative norm of a new direction after orthogonalisation, below which the space is exhausted.
-EXHAUSTED = 1e-10
+EXHAUSTED_NORM = 1e-10
 #: Square root of the share of m_st at the site below which it is rounding.
 MASSLESS_ROOT = 1e-12
 
 
-def parameters(
+def model_parameters(
     omega: Array, b: Array, r: Array, s: Array, n: int, shift: float
 ) -> tuple[Array, Array, Array, Array, Array]:
     """(k0 (S,), m0 (S,), m_st (S,), omega (S, n), m (S, n)) of the models of S sites.
 
     omega (J,), b (S, J): free frequencies and displacements of the sites in the modes; r, s (S,):
-    as `residual` gives them; n, shift: as for `from_free_modes`.
+    as `residual_parameters` gives them; n, shift: as for `from_free_modes`.
     """
     heavy = s > 0
     truncated_pole = np.where(heavy, r / np.where(heavy, s, 1.0), omega[-1] ** 2 + shift)
@@ -278,7 +278,7 @@ def parameters(
     is_pole = np.isfinite(x) & (x > 0)
     lumped = left + np.sum(np.where(is_pole, 0.0, m), axis=1)
     share = shares(k0, lumped, np.where(is_pole, m, 0.0), np.where(is_pole, x, 1.0))
-    observable = share > UNOBSERVABLE
+    observable = share > UNOBSERVABLE_SHARE
     order = np.argsort(np.where(observable, x, np.inf), axis=1, kind="stable")
     x, m, observable = (np.take_along_axis(a, order, axis=1) for a in (x, m, observable))
     m0 = left + np.sum(np.where(observable, 0.0, m), axis=1)  # what is not kept, no difference
@@ -323,7 +323,7 @@ def _lanczos(
             w = w - y * (pin * np.sum(b * w, axis=1))[:, None]
         f = force(w)
         energy = np.sum(w * f, axis=1)
-        is_new = energy > EXHAUSTED**2 * initial_energy
+        is_new = energy > EXHAUSTED_NORM**2 * initial_energy
         beta = np.sqrt(np.where(is_new, energy, 0.0))
         scale = np.where(is_new, 1 / np.where(is_new, beta, 1.0), 0.0)[:, None]
         V[:, k] = w * scale
@@ -345,26 +345,26 @@ def _lanczos(
 
 
 #: damping ratio at which Z is evaluated
-DAMPING = 0.01
+DAMPING_RATIO = 0.01
 #: lower end of the sampled band, over the lowest frequency of the model
-BAND_START = 0.25
+BAND_START_RATIO = 0.25
 #: an anti-oscillator is unobservable if its share in |Z| at its own frequency, where it is largest,
 #: is below this
-UNOBSERVABLE = 1e-8
+UNOBSERVABLE_SHARE = 1e-8
 
 
-Stiffness = Callable[[ComplexArray], Numbers]
+StiffnessFunction = Callable[[ComplexArray], Numbers]
 
 
-def samples(top: float, lowest: float, step: float = DAMPING) -> ComplexArray:
+def sample_frequencies(top: float, lowest: float, step: float = DAMPING_RATIO) -> ComplexArray:
     """Damped circular frequencies (W,) up to `top` [rad/s], dense enough for every peak of Z.
 
     `lowest`: frequency [rad/s] from which Z varies; below it Z is quasi-static. `step`: relative
     distance of neighbouring samples; a peak has the width of the damping.
     """
-    start = BAND_START * min(top, lowest)
+    start = BAND_START_RATIO * min(top, lowest)
     count = int(np.ceil(np.log(top / start) / step)) + 2
-    return np.geomspace(start, top, count) * (1 + 1j * DAMPING)
+    return np.geomspace(start, top, count) * (1 + 1j * DAMPING_RATIO)
 
 
 def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Array:
@@ -381,30 +381,34 @@ def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Arra
     share = np.zeros(m.shape)
     for i in range(m.shape[-1]):  # one after the other: all at once take N times the memory
         pole = np.where(m[..., i] > 0, poles[..., i], 1.0)
-        x = pole * (1 + 1j * DAMPING) ** 2
+        x = pole * (1 + 1j * DAMPING_RATIO) ** 2
         Z = k0 - x * (m0 + np.sum(weight / (poles - x[..., None]), axis=-1))
         share[..., i] = m[..., i] * np.abs(x**2 / (pole - x) / Z)
 
     return share
 
 
-def shares_of_receptance(b: ArrayLike, poles: ArrayLike) -> Array:
+def receptance_shares(b: ArrayLike, poles: ArrayLike) -> Array:
     """|change of H| over |H| (J,) at each damped pole without its mode; H = sum b^2/(poles - x)."""
     weight = np.asarray(b, dtype=float) ** 2
     poles = np.asarray(poles, dtype=float)
     share = np.ones(poles.shape)  # of a rigid-body mode at its own frequency, 0
     for i in np.flatnonzero(poles > 0):
-        parts = weight / (poles - poles[i] * (1 + 1j * DAMPING) ** 2)
+        parts = weight / (poles - poles[i] * (1 + 1j * DAMPING_RATIO) ** 2)
         share[i] = np.abs(parts[i]) / max(float(np.abs(np.sum(parts))), np.finfo(float).tiny)
     return share
 
 
-def stiffness_error(Z: Stiffness, reference: Stiffness, band: float, lowest: float) -> float:
+def stiffness_error(
+    Z: StiffnessFunction, reference: StiffnessFunction, band: float, lowest: float
+) -> float:
     """Largest |Z - Z_ref|/|Z_ref| over the band up to `band` [rad/s], with one per cent damping.
 
     Z, reference : dynamic stiffness [N/m] of complex circular frequencies. The band is sampled down
     to a quarter of `lowest` [rad/s].
     """
-    s = samples(checks.positive("band", band, "rad/s"), checks.positive("lowest", lowest, "rad/s"))
+    s = sample_frequencies(
+        checks.positive("band", band, "rad/s"), checks.positive("lowest", lowest, "rad/s")
+    )
     exact = reference(s)
     return float(np.max(np.abs(Z(s) - exact) / np.abs(exact)))

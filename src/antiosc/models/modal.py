@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from antiosc.engine.first_order import FirstOrder
 
 #: Share of a rigid motion's kinetic energy outside the body's rigid-body modes that is rounding.
-MISSED_ENERGY = 1e-8
+MISSED_ENERGY_SHARE = 1e-8
 #: Damping ratio above which a warning is given.
-UNUSUAL_RATIO = 0.2
+UNUSUAL_DAMPING = 0.2
 #: Message for a body without a displacement field.
-NO_SHAPES = (
+NO_SHAPES_MESSAGE = (
     "this model has no displacement field: it has no shapes (model files do not store them); "
     "extract it again to recover fields."
 )
@@ -73,7 +73,7 @@ class Damping(FieldsRepr):
                 f" {largest:g}."
             )
 
-        if largest > UNUSUAL_RATIO:
+        if largest > UNUSUAL_DAMPING:
             warn(
                 f"a damping ratio of {largest:g} is {percent(largest)} of the critical damping, "
                 f"more than structures have: 0.05 is 5 %."
@@ -245,7 +245,7 @@ class ModalBase(ReprMixin):
     def field(self, coordinates: ArrayLike) -> Array:
         """Displacements (..., n) of the whole body for coordinates (..., C)."""
         if self.basis is None:
-            raise InputError(NO_SHAPES)
+            raise InputError(NO_SHAPES_MESSAGE)
         return superposed(self.basis, self.amplitudes(coordinates))
 
     def receptance(self, omega: ArrayLike) -> ComplexArray:
@@ -298,7 +298,7 @@ class ModalBase(ReprMixin):
         if self.inertia is not None and self.axes is not None:
             translation = np.concatenate((velocity * self.axes[0], np.zeros(3)))
             start, lost_share = self._rigid_projection(self.inertia, translation)
-            if lost_share <= MISSED_ENERGY:
+            if lost_share <= MISSED_ENERGY_SHARE:
                 return start
 
         return np.asarray(velocity * rigid_b / mobility)
@@ -319,7 +319,7 @@ class ModalBase(ReprMixin):
             )
 
         start, lost = self._rigid_projection(self.inertia, motion.at(self.inertia))
-        if lost > MISSED_ENERGY:
+        if lost > MISSED_ENERGY_SHARE:
             raise InputError(
                 f"the supports restrain the body: the share {lost:.2g} of the kinetic energy of "
                 f"{motion} lies outside the rigid-body motions that the supports permit; give a "

@@ -23,7 +23,7 @@ from antiosc.base.texts import FieldsRepr, ReprMixin
 from antiosc.engine import library
 
 #: Share of a body's inertia below which it has none about an axis.
-INERTIALESS = 1e-9
+INERTIALESS_SHARE = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -87,7 +87,7 @@ class Inertia(ReprMixin):
         motions = np.concatenate((np.cross(spins, self.point - centre), spins), axis=1)
         tensor = self.moved(motions @ self.matrix, centre)[:, 3:]
         turning = self.moved(self.momentum, centre)[:, 3:]
-        return np.asarray(amplitudes @ turning @ np.linalg.pinv(tensor, rcond=INERTIALESS))
+        return np.asarray(amplitudes @ turning @ np.linalg.pinv(tensor, rcond=INERTIALESS_SHARE))
 
     def moved(self, momenta: Array, about: Array) -> Array:
         """(P, L) (..., 6) about the point `about` (3,), of `momenta` about the reference point."""

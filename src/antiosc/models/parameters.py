@@ -1,8 +1,8 @@
 """Parameters of an anti-oscillator model: checks, derived properties, and the mesh correction.
 
-`corrected` softens a model by the energies of the errors of its strains. A displacement element is
-too stiff. With the shapes psi of a model, K = diag(k0, k_i) their stiffness and E_ij the energies
-of the errors of their strains, the reduced flexibility
+`softened_model` softens a model by the energies of the errors of its strains. A displacement
+element is too stiff. With the shapes psi of a model, K = diag(k0, k_i) their stiffness and E_ij the
+energies of the errors of their strains, the reduced flexibility
 
     F = K^-1 + K^-1 E K^-1
 
@@ -40,10 +40,10 @@ if TYPE_CHECKING:
 #: Parameters by name, as they are stored.
 ParameterDict = dict[str, Any]
 #: Parameters that only a model of several sites has, and those of each site.
-ONLY_OF_SEVERAL = ("columns", "dependence", "rigid")
-OF_EACH_SITE = ("direction", "local_compliance", "radius")
+SEVERAL_SITES_ONLY = ("columns", "dependence", "rigid")
+SITE_PARAMETERS = ("direction", "local_compliance", "radius")
 #: Asymmetry of a matrix, and negative eigenvalue, over its size (scaled by its diagonal).
-ASYMMETRY = 1e-9
+LARGEST_ASYMMETRY = 1e-9
 #: Negative eigenvalue and asymmetry of unit energies that rounding may leave.
 ENERGY_ROUNDING = 1e-8
 #: Share of k0 in k0 + s (m0 + P P'), s the lowest omega_i^2, below which a motion is rigid.
@@ -182,7 +182,9 @@ def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array 
     return values
 
 
-def squeezed(sites: Sequence[str], *, k0: Array, m0: Array, P: Array, **of_sites: Any) -> Any:
+def parameters_by_name(
+    sites: Sequence[str], *, k0: Array, m0: Array, P: Array, **of_sites: Any
+) -> Any:
     """Parameters of `AntiOscillators` by name; matrices become numbers if `sites` is empty.
 
     Then `m` takes the place of P, and values along the axes are taken along its direction.
@@ -191,14 +193,14 @@ def squeezed(sites: Sequence[str], *, k0: Array, m0: Array, P: Array, **of_sites
         return {"sites": sites, "k0": k0, "m0": m0, "P": P, **of_sites}
 
     known = {"k0": float(k0[0, 0]), "m0": float(m0[0, 0]), "m": P[0] ** 2}
-    one = {name: of_sites[name] for name in OF_EACH_SITE if of_sites.get(name) is not None}
+    one = {name: of_sites[name] for name in SITE_PARAMETERS if of_sites.get(name) is not None}
     weights = of_sites.get("participation")
     if weights is not None:
         known["participation"] = with_sums(weights @ one["direction"][0], sites, -1.0)
     return known | {name: values[0] for name, values in one.items()}
 
 
-def checked(model: Parameters) -> ParameterDict:
+def checked_parameters(model: Parameters) -> ParameterDict:
     """All parameters of a model, checked and sorted by frequency; InputError for invalid ones."""
     omega = checks.positives("omega", model.omega, "rad/s")
     order = np.argsort(omega, kind="stable")
@@ -238,7 +240,7 @@ def checked(model: Parameters) -> ParameterDict:
 
 def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> ParameterDict:
     """Checked parameters whose form differs for one site without a name; `order`: by frequency."""
-    for name in ONLY_OF_SEVERAL:
+    for name in SEVERAL_SITES_ONLY:
         value = getattr(model, name)
         if not (value is None or (isinstance(value, dict) and not value)):
             raise InputError(
@@ -290,9 +292,9 @@ def _checked_at_sites(model: Parameters, omega: Array, order: Index) -> Paramete
     P = checks.floats("P", model.P, (p, omega.size))[:, order]
     omega = omega[order]
     sizes = np.sqrt(np.abs(m0.diagonal()) + np.sum(P**2, axis=1))
-    m0 = _symmetric("m0", m0, sizes, ASYMMETRY, -ASYMMETRY)
+    m0 = _symmetric("m0", m0, sizes, LARGEST_ASYMMETRY, -LARGEST_ASYMMETRY)
     sizes = 1 / stiffness_scale(k0, m0 + P @ P.T, omega)
-    k0 = _symmetric("k0", k0, sizes, ASYMMETRY, -ASYMMETRY)
+    k0 = _symmetric("k0", k0, sizes, LARGEST_ASYMMETRY, -LARGEST_ASYMMETRY)
     if p == 0 or np.any((k0.diagonal() == 0) & (m0.diagonal() == 0) & ~P.any(axis=1)):
         raise InputError("each of the sites needs stiffness or mass, in k0, m0 or P.")
 
@@ -440,21 +442,21 @@ def sorted_damping(model: Parameters, damping: DampingMatrix, omega: ArrayLike) 
 ModelType = TypeVar("ModelType", bound=Parameters)
 
 #: Least change of the flexibility of any combination of loads, a share of it.
-LEAST_CHANGE = -0.5
+LEAST_FLEXIBILITY_CHANGE = -0.5
 #: Share of an anti-oscillator in the static mass below which its mass is rounding.
 MASSLESS_SHARE = 1e-12
 #: Message for assemblies.
-JOINTED = (
+JOINTED_MESSAGE = (
     "the mesh's error is estimated of one mesh and of joined solids, and this is another assembly:"
     " compare with smaller cells, or with a finer deck."
 )
 #: Message for a model without the errors of its strains.
-NO_ESTIMATE = (
+NO_ESTIMATE_MESSAGE = (
     "the error of the mesh is not known: extract the model from its mesh with the error 'estimate'."
 )
 
 
-def has_bars(model: object) -> bool:
+def has_error_bars(model: object) -> bool:
     """Whether impacts on a model have error bars.
 
     It needs a known error of the mesh (or the reason why it is not known), noise of a measurement,
@@ -467,17 +469,17 @@ def has_bars(model: object) -> bool:
     return known or bool(info.measured or info.no_estimate)
 
 
-def no_estimate(model: object) -> str:
+def no_estimate_message(model: object) -> str:
     """Message that the mesh error of a model is not known, with the remedy."""
     reason = info_of(model).no_estimate
-    return f"the error of the mesh is not known: {reason}" if reason else NO_ESTIMATE
+    return f"the error of the mesh is not known: {reason}" if reason else NO_ESTIMATE_MESSAGE
 
 
-def corrected(model: ModelType) -> ModelType:
+def softened_model(model: ModelType) -> ModelType:
     """The softened model; see `AntiOscillators.corrected`."""
     E = model.strain_error
     if E is None:
-        raise InputError(no_estimate(model))
+        raise InputError(no_estimate_message(model))
     if model.strain_misfit is not None:
         E = E + model.strain_misfit
 
@@ -506,7 +508,7 @@ def corrected(model: ModelType) -> ModelType:
 
     return replace(
         model,
-        **squeezed(model.sites, k0=k0, m0=m0, P=P),
+        **parameters_by_name(model.sites, k0=k0, m0=m0, P=P),
         omega=omega[massive],
         participation=weights,
         shapes=None if model.shapes is None else model.shapes @ transform,
@@ -532,7 +534,7 @@ def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Arr
 
     # the error relative to the energy
     values, vectors = np.linalg.eigh(root.T @ E @ root)
-    softened = (vectors * np.maximum(values, LEAST_CHANGE)) @ vectors.T
+    softened = (vectors * np.maximum(values, LEAST_FLEXIBILITY_CHANGE)) @ vectors.T
     F = root @ (np.eye(len(softened)) + softened) @ root.T
     at_sites = V @ np.linalg.inv(V.T @ F[:p, :p] @ V) @ V.T
     static = F[p:, :p] @ at_sites

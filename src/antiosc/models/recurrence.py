@@ -31,10 +31,10 @@ from antiosc.models.modal import Damping
 #: Entries beside the three diagonals of VᵀMV, over its own, from which the recurrence broke down.
 COUPLING_ROUNDING = 1e-9
 #: Stiffness of a motion of the sites, over the largest, below which it is a rigid-body motion.
-RIGID = 1e-9
+RIGID_STIFFNESS = 1e-9
 
 
-def _ratio(damping: Damping) -> float:
+def _damping_ratio(damping: Damping) -> float:
     """The damping ratio, which is one for all modes."""
     return float(np.max(damping.ratio))
 
@@ -68,7 +68,7 @@ class ReferenceModes:
         lag : (J,) q'' = force - ω²q - 2 decay q' - lag (ω²q' - the force's rate).
         """
         s, stiff = self.shift, self.omega**2 + self.shift
-        by_v = damping.beta * stiff + 2 * _ratio(damping) * self.omega + lag * self.omega**2
+        by_v = damping.beta * stiff + 2 * _damping_ratio(damping) * self.omega + lag * self.omega**2
         by: dict[int, Array | float] = {
             0: stiff**2,
             1: stiff * by_v,
@@ -86,7 +86,7 @@ class ReferenceModes:
         balance = np.sqrt(np.trace(self.inertia) / max(np.trace(self._stiffness), 1e-300))
         both = (self.inertia / balance + self._stiffness * balance) / 2
         by_stiffness = self._factors(damping.beta / 4 * self._stiffness, {3: 1.0})
-        by_ratio = self._factors(_ratio(damping) / 2 * both, {1: -stiff, 3: 1.0})
+        by_ratio = self._factors(_damping_ratio(damping) / 2 * both, {1: -stiff, 3: 1.0})
         return np.concatenate([by_stiffness, by_ratio])
 
     def brake(self, damping: Damping) -> Array:
@@ -97,7 +97,7 @@ class ReferenceModes:
             * (self.omega**2 + self.shift)
             * np.maximum(far, 1.0)
         )
-        return 2 * _ratio(damping) * own
+        return 2 * _damping_ratio(damping) * own
 
     def receptance(self, x: Array, b: Array) -> Array:
         """Upper bounds (n,) [m/N] of bᵀ(K + xM)⁻¹b, x (n,) > 0 [rad²/s²], displacements b (J,)."""
@@ -141,7 +141,7 @@ class Recurrence(FieldsRepr):
 
         # rigid-body motions first, and what is orthogonal to them in M
         stiffness, moved = np.linalg.eigh(self.k0)
-        free = stiffness <= RIGID * stiffness.max()
+        free = stiffness <= RIGID_STIFFNESS * stiffness.max()
         rigid = np.vstack([moved[:, free], np.zeros((n, free.sum()))])
         Z = null_space((M @ rigid).T) if rigid.size else np.eye(p + n)
         theta, X = eigh(Z.T @ M @ Z, Z.T @ A @ Z)

@@ -26,13 +26,13 @@ from antiosc.models.motion import arrow_modes
 from antiosc.models.parameters import Parameters
 
 #: theta over the largest, below which a mode has no inertia.
-INERTIALESS = 1e-13
+INERTIALESS_THETA = 1e-13
 #: Shift over the lowest elastic omega^2.
-MODEL_SHIFT = 0.1
+SHIFT_RATIO = 0.1
 #: Share of the static mass of a site that has no mass but damping: its least mass.
-LEAST_MASS = 1e-8
+LEAST_MASS_SHARE = 1e-8
 #: m0 is negligible if its own free mode lies so far above the last pole (squared frequencies).
-MASSLESS_SITE = 1e-15
+MASSLESS_RATIO = 1e-15
 
 
 def free_modes(model: Parameters) -> ModalBody | SiteModes:
@@ -132,7 +132,7 @@ def _modes_at_one_site(model: Parameters) -> ReducedModes:
     stiffness = model.k0 + float((poles * mass).sum())
     massless = model.m0 == 0
     if model.n:
-        massless = model.m0 * float(model.omega[-1]) ** 2 <= MASSLESS_SITE * stiffness
+        massless = model.m0 * float(model.omega[-1]) ** 2 <= MASSLESS_RATIO * stiffness
 
     is_distinct = poles[1:] > poles[:-1]
     if not is_distinct.all():  # equal frequencies act at the site as one mode
@@ -153,7 +153,7 @@ def _damped_modes(model: Parameters) -> ReducedModes:
 
     if isinstance(model.damping, DampingMatrix):
         p = len(m0)
-        floor = LEAST_MASS * (m0 + P @ P.T).diagonal()
+        floor = LEAST_MASS_SHARE * (m0 + P @ P.T).diagonal()
         acted = sum(
             (np.sum(L[:, :p] ** 2, axis=0) for L, _ in model.damping.factors),
             np.sum(model.damping.factor[:, :p] ** 2, axis=0),
@@ -201,7 +201,7 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
     theta, vectors = np.linalg.eigh(transformed.T @ M @ transformed)
     theta = theta[::-1]
     vectors = vectors[:, ::-1]
-    heavy = theta > INERTIALESS * theta.max(initial=0.0)
+    heavy = theta > INERTIALESS_THETA * theta.max(initial=0.0)
     shape = transformed @ vectors
     omega_of_shapes = np.sqrt(theta[heavy])
     residual = shape[:, ~heavy] @ shape[:p, ~heavy].T
@@ -226,6 +226,6 @@ def _lowest(K: Array, M: Array, rigid_shapes: Array) -> float:
         theta = float(np.linalg.eigvalsh((elastic + elastic.T) / 2).max(initial=0.0))
         if theta <= 0:
             return shift
-        shift = MODEL_SHIFT * max(1 / theta - shift, 1e-9 * shift)
+        shift = SHIFT_RATIO * max(1 / theta - shift, 1e-9 * shift)
 
     return shift

@@ -27,14 +27,14 @@ Count = int | Literal["auto"]
 
 #: Most second-order modes of an impact, those to compare with included. Of 58 random sheets
 #: (measured) 1 is told to need more, with 12 of them 30 were.
-MOST = 20
+MOST_MODES = 20
 #: Most that a user may ask for: two more estimate their error.
-MOST_ASKED = MOST - 2
+MOST_REQUESTED_MODES = MOST_MODES - 2
 #: What narrows the error of second-order forces where an impact takes no more modes. Smaller cells
 #: excite more motions: with them four of four bars were wider.
-NARROWED = "use an explicit finite element program: smaller elements do not narrow it"
+NARROWING_REMEDY = "use an explicit finite element program: smaller elements do not narrow it"
 #: Asymmetry of the tensors over their size.
-ASYMMETRY = 1e-6
+LARGEST_ASYMMETRY = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,15 +60,17 @@ class Stretch(ReprMixin):
     def __post_init__(self) -> None:
         modes = checks.floats("modes", self.modes, (None, None))
         m = modes.shape[1]
-        if m > MOST or not m:
-            raise InputError(f"a Stretch has 1 to {MOST} modes; got {m}.")
-        if np.abs(modes.T @ modes - np.eye(m)).max() > ASYMMETRY:
+        if m > MOST_MODES or not m:
+            raise InputError(f"a Stretch has 1 to {MOST_MODES} modes; got {m}.")
+        if np.abs(modes.T @ modes - np.eye(m)).max() > LARGEST_ASYMMETRY:
             raise InputError("the modes of a Stretch must be orthonormal.")
 
         for name, rank in (("quadratic", 3), ("cubic", 4)):
             tensor = checks.floats(name, getattr(self, name), (m,) * rank)
             permuted = np.moveaxis(tensor, 0, -1)
-            if np.abs(tensor - permuted).max() > ASYMMETRY * np.abs(tensor).max(initial=0.0):
+            if np.abs(tensor - permuted).max() > LARGEST_ASYMMETRY * np.abs(tensor).max(
+                initial=0.0
+            ):
                 raise InputError(f"{name} must be symmetric in all its indices.")
             checks.store(self, **{name: checks.read_only(tensor)})
 
@@ -168,8 +170,8 @@ def checked_count(stretch: object) -> Count | Literal[False]:
         )
 
     count = checks.whole("stretch", stretch, least=1)
-    if count > MOST_ASKED:
-        raise InputError(f"stretch takes at most {MOST_ASKED} modes; got {count}.")
+    if count > MOST_REQUESTED_MODES:
+        raise InputError(f"stretch takes at most {MOST_REQUESTED_MODES} modes; got {count}.")
 
     return count
 

@@ -49,10 +49,10 @@ from antiosc.models import free_modes
 from antiosc.models.body import (
     AUTO,
     BEYOND_WALL,
-    EDGE,
-    HOLLOW,
+    EDGE_STRUCK,
+    NARROW_HOLLOW,
     NO_RESULT,
-    PIERCED,
+    PIERCED_PART,
     AnyLaw,
     Body,
     LinearBody,
@@ -281,7 +281,7 @@ def _laws(
                 pierced[i] = striker is not None and second_contact_of(of_site, striker) is not None
             ready(i + 1)
 
-    return laws, {EDGE: sharp, HOLLOW: hollow, PIERCED: pierced}
+    return laws, {EDGE_STRUCK: sharp, NARROW_HOLLOW: hollow, PIERCED_PART: pierced}
 
 
 def _hz_text(omega: float) -> str:

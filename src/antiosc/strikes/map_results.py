@@ -22,7 +22,7 @@ from antiosc.fields.pictures import plot_map
 from antiosc.impact.from_rest import Force
 from antiosc.impact.two_bodies import impact_band
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import EDGE, REMEDIES, LinearBody, ModelInfo
+from antiosc.models.body import EDGE_STRUCK, REMEDIES, LinearBody, ModelInfo
 from antiosc.models.free_modes import SiteModels
 
 if TYPE_CHECKING:
@@ -261,7 +261,7 @@ def left_out_text(impact_map: ImpactMap) -> str:
     reasons, counts = np.unique(impact_map.reasons[impact_map.doubtful], return_counts=True)
     reason = str(reasons[np.argmax(counts)])
     is_one_face = len(set(impact_map.names)) == 1 and bool(impact_map.names[0])
-    remedy = "" if is_one_face and reason == EDGE else REMEDIES.get(reason, "")
+    remedy = "" if is_one_face and reason == EDGE_STRUCK else REMEDIES.get(reason, "")
     return f"{text}; {remedy}." if remedy else f"{text}."
 
 

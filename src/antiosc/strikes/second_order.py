@@ -27,7 +27,7 @@ from antiosc.impact.histories.linear_theory import (
 from antiosc.impact.stretching import shares_of
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import info_of
-from antiosc.models.stretch import MOST
+from antiosc.models.stretch import MOST_MODES
 from antiosc.reduce.extraction.stretching import second_order_energies, with_stretch
 
 H = TypeVar("H", bound=History)
@@ -118,7 +118,7 @@ def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
         return model
     if model not in _WITH_STRETCH:
         try:
-            _WITH_STRETCH[model] = with_stretch(structure, model, "auto", MOST)
+            _WITH_STRETCH[model] = with_stretch(structure, model, "auto", MOST_MODES)
         except InputError:  # of a part that has none
             return model
     return _WITH_STRETCH[model]

@@ -23,7 +23,7 @@ from antiosc.base.errors import (
 )
 from antiosc.base.texts import STOPPED
 from antiosc.extension import ErrorBudget, budget_of
-from antiosc.models.body import coarse_cell, info_of
+from antiosc.models.body import coarse_cell_warning, info_of
 from antiosc_app.scene_file import schema
 from antiosc_app.scene_file.build import Builder, Call, Evaluation
 from antiosc_app.scene_file.document import Place, Problems, Table, label, listed
@@ -242,7 +242,7 @@ def coarse_cells(hit: History | None) -> str:
     """Sentence if the cell at the impact's site is too large for the contact; else ""."""
     if hit is None or isinstance(hit, antiosc.SceneHistory) or not hit.run.touches:
         return ""
-    told = coarse_cell(hit.model, "", hit.assembly.contact_time_estimate)
+    told = coarse_cell_warning(hit.model, "", hit.assembly.contact_time_estimate)
     reason = info_of(hit.model).no_estimate
     return f"{told} The mesh's error is not estimated: {reason}" if told and reason else told
 

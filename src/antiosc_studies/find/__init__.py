@@ -27,7 +27,7 @@ from antiosc.base.texts import Result
 from antiosc.extension import on_plane, refuse_dampers, with_parts
 from antiosc.fem.platform import collective, warn
 from antiosc.models.body import AUTO, AnyLaw
-from antiosc.models.free_modes import residual
+from antiosc.models.free_modes import residual_parameters
 from antiosc.models.modal import as_damping
 from antiosc.plot.charts import figure_or_path, panels
 from antiosc.strikes.free_sites import BAND_FACTOR, FreeSites, Where, free_sites
@@ -355,7 +355,9 @@ def prepared(
     with without_warnings():  # of patches that an edge cuts, at sites that were not struck
         sites = free_sites(structure, matrices, where, direction, radius, count, band)
     rows = np.array([sensor_shapes(sensor, structure, sites.phi) for sensor in sensors])
-    r, _ = residual(sites.omega, sites.b, sites.compliance, sites.inertia, structure.shift)
+    r, _ = residual_parameters(
+        sites.omega, sites.b, sites.compliance, sites.inertia, structure.shift
+    )
     orders = np.array([sensor.derivative for sensor in sensors])
     return Monitored(sites, rows, orders, r, structure.mass)
 

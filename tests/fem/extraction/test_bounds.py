@@ -75,7 +75,7 @@ def test_bound_of_free_modes_holds_however_little_a_rigid_motion_moves_the_site(
     known, band = (omega[:20], b[:, :20], C, G), 0.6 * omega[19]
     models = site_models(*known, 8, shift)
     bound = np.sum(error_bound(models, *known, band, shift), axis=0)
-    w = bands.samples(band, min(omega[rigid], models.omega.min()), 0.003)
+    w = bands.sample_frequencies(band, min(omega[rigid], models.omega.min()), 0.003)
     H = b**2 @ (1 / (omega[:, None] ** 2 - w**2))
     error = np.max(np.abs(models.dynamic_stiffness(w) * H - 1), axis=1)
     assert np.all(error <= bound)
@@ -97,7 +97,7 @@ def test_bound_across_a_slide(angle):
     structure, site = _slide(angle)
     model = ao.extract(structure, site, band=2e4 / (2 * np.pi))
     bottom = 2 * np.pi * model.info["band"]["bottom"]
-    omega = np.geomspace(bottom, 2e4, 150) * (1 + 1j * bands.DAMPING)
+    omega = np.geomspace(bottom, 2e4, 150) * (1 + 1j * bands.DAMPING_RATIO)
     K, M = (csr(a).toarray() for a in (structure.K, structure.M))
     exact = exact_stiffness(K, M, np.asarray(site.vector), omega)
     error = np.abs(model.dynamic_stiffness(omega) / exact - 1)
@@ -137,7 +137,7 @@ def test_a_rigid_motion_that_hardly_moves_the_sites_is_left_out(angle):
     sites = {"top": ao.Site(vector=B[:, 0]), "middle": ao.Site(vector=B[:, 1])}
     model = ao.extract(ao.Structure.from_matrices(K, M), sites, 8, tol=1e-8)
     assert model.rigid.shape[1] == (model.info["rigid_share"] > RIGID_SHARE)
-    omega = np.geomspace(1e3, 2e4, 60) * (1 + 1j * bands.DAMPING)
+    omega = np.geomspace(1e3, 2e4, 60) * (1 + 1j * bands.DAMPING_RATIO)
     H, _ = exact_receptances(K, M, B, omega)
     found = model.site_modes().receptance(omega)
     size = np.sqrt(np.abs(np.einsum("wpp->wp", H)).astype(float))
@@ -159,7 +159,7 @@ def test_bound_of_what_krylov_steps_leave_out(held, p, rng):
         with warnings.catch_warnings(action="ignore", category=ao.AccuracyWarning):
             model = ao.extract(structure, sites_of(B), n, band=top / (2 * np.pi), accuracy=1e-13)
         bottom = 2 * np.pi * model.info["band"]["bottom"]
-        omega = np.linspace(bottom, top, 120) * (1 + 1j * bands.DAMPING)
+        omega = np.linspace(bottom, top, 120) * (1 + 1j * bands.DAMPING_RATIO)
         H = np.array([B.T @ np.linalg.solve(K - w**2 * M, B) for w in omega])
         error, bound = _error(model, H, L, omega).max(), model.info["band"]["error_bound"]
         if 1e-9 < error < 1e-1:

@@ -10,7 +10,7 @@ import scipy.sparse
 import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.models.free_modes import samples
+from antiosc.models.free_modes import sample_frequencies
 from antiosc.reduce.extraction.eigenmodes import polish
 from chains import receptance
 from marks import FREE_ON_PURPOSE
@@ -102,7 +102,7 @@ def test_a_body_that_slides_across_the_impact():
     assert structure.rigid_modes.shape[1] == 1
     assert model.k0 > 0
     K, M = (csr(matrix).toarray() for matrix in (structure.K, structure.M))
-    omega = samples(2 * model.omega[0], model.omega[0])[::20]
+    omega = sample_frequencies(2 * model.omega[0], model.omega[0])[::20]
     exact = 1 / receptance(K, M, np.asarray(site.vector), omega)
     np.testing.assert_allclose(model.dynamic_stiffness(omega), exact, rtol=1e-8)
 

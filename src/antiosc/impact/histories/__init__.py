@@ -20,7 +20,7 @@ from antiosc.impact.histories.parts import ContactHistory
 from antiosc.impact.histories.site_motion import SiteMotion, site_motion
 from antiosc.impact.histories.tables import Results
 from antiosc.models.body import info_of, site_points
-from antiosc.models.parameters import has_bars
+from antiosc.models.parameters import has_error_bars
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -383,7 +383,7 @@ def _has_error_bars(history: History) -> bool:
     bodies = [scene_body.body for scene_body in history.assembly.bodies.values()]
     estimated = any(getattr(body, "strain_error", None) is not None for body in bodies)
     of_strike = any("strike" in info_of(body) for body in bodies)
-    return estimated or of_strike or (history.rerun is not None and has_bars(history.model))
+    return estimated or of_strike or (history.rerun is not None and has_error_bars(history.model))
 
 
 def error_text(history: History) -> str:

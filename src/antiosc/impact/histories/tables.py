@@ -16,7 +16,7 @@ from antiosc.base import checks, errors, files
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
-from antiosc.models.anti_oscillators import VERSION, read_model_file, write_model_file
+from antiosc.models.anti_oscillators import FORMAT_VERSION, read_model_file, write_model_file
 
 #: The format of a file of results.
 FORMAT = "antiosc-history"
@@ -110,7 +110,7 @@ class Results(ReprMixin):
 
         header = {
             "format": FORMAT,
-            "version": VERSION,
+            "version": FORMAT_VERSION,
             "names": list(table),
             "numbers": self.numbers(),
             "kind": type(self).__name__,

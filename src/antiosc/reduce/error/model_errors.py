@@ -37,7 +37,7 @@ from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.parameters import JOINTED
+from antiosc.models.parameters import JOINTED_MESSAGE
 from antiosc.reduce.error.division import Division
 from antiosc.reduce.site.site import Functional
 from antiosc.reduce.site.sites import WHOLE_PATCH_SHARE, Sites, located_sites
@@ -296,7 +296,7 @@ def refusal(matrices: MeshedParts) -> str:
     if _are_solids(matrices) and not (matrices.assembled and matrices.preload):
         return ""
     if matrices.assembled:
-        return JOINTED
+        return JOINTED_MESSAGE
     return _why_too_large(matrices)
 
 

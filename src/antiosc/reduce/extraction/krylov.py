@@ -52,7 +52,7 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure import Dissipation, dashpot_patterns, projected
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.free_modes import EXHAUSTED, samples
+from antiosc.models.free_modes import EXHAUSTED_NORM, sample_frequencies
 from antiosc.models.modal import Damping
 from antiosc.models.recurrence import COUPLING_ROUNDING, recurrence_of
 from antiosc.reduce.extraction import SiteShapes
@@ -210,8 +210,8 @@ class Lanczos:
         energy = float(dot(self._comm, w, f))
         if self.steps == self._most:  # rounding may produce directions outside the space
             return 0.0
-        if not energy > EXHAUSTED**2 * load_energy:
-            return EXHAUSTED * float(np.sqrt(max(load_energy, 0.0)))
+        if not energy > EXHAUSTED_NORM**2 * load_energy:
+            return EXHAUSTED_NORM * float(np.sqrt(max(load_energy, 0.0)))
         if k == self._V.shape[1]:
             self._V = np.concatenate([self._V.T, np.empty((BASIS_STEP, len(w)))]).T
         self._V[:, k] = w / np.sqrt(energy)
@@ -343,7 +343,7 @@ class Lanczos:
         P = P[poles > 0]
         poles = poles[poles > 0]
         lowest = lowest_frequency_at_sites(k0, self._static.mass, poles)
-        x = samples(band, lowest) ** 2
+        x = sample_frequencies(band, lowest) ** 2
         Z = stiffness_at_sites(x, k0, m0, P, poles)
         inverse = spectral_norms(np.linalg.inv(Z))
         return float(np.max(self.remainder(n)(x) * inverse))

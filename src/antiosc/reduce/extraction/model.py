@@ -24,10 +24,10 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import warn
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import UNKNOWN, ModelInfo
-from antiosc.models.free_modes import DAMPING, MASSLESS_ROOT, samples
+from antiosc.models.body import UNKNOWN_INFO, ModelInfo
+from antiosc.models.free_modes import DAMPING_RATIO, MASSLESS_ROOT, sample_frequencies
 from antiosc.models.motion import Inertia
-from antiosc.models.parameters import squeezed
+from antiosc.models.parameters import parameters_by_name
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver, residuals, rounding_residuals
 from antiosc.reduce.site import surfaces
@@ -45,7 +45,7 @@ REPEATED_DISTANCE = 1e-6
 #: Singular value of the P of a repeated frequency, over the largest, below which it is rounding.
 DISTINCT_SHARE = 1e-8
 #: Relative distance of the samples of a bound: a quarter of the half-width of a damped peak.
-SAMPLE_STEP = DAMPING / 4
+SAMPLE_STEP = DAMPING_RATIO / 4
 #: Largest share by which the bound rises between two samples.
 SAMPLE_RISE = 0.05
 #: Least bound, for rounding: 1.7e-6 at most of random structures with entries over many decades.
@@ -258,7 +258,7 @@ def error_bound(
     """(bound on ‖HZ_true - 1‖₂ and its inverse, lowest frequency [rad/s]) up to `band` [rad/s]."""
     static = known.static
     lowest = lowest_frequency_at_sites(static.k0, static.mass, selected.omega**2)
-    x = samples(band, lowest, SAMPLE_STEP) ** 2
+    x = sample_frequencies(band, lowest, SAMPLE_STEP) ** 2
     elastic = stiffness_at_sites(x, static.k0, selected.m0, selected.P, selected.omega**2)
     change = spectral_norms(known.stiffness(x) - elastic)
     sizes = np.linalg.svd(elastic, compute_uv=False)
@@ -287,7 +287,7 @@ def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
     share = np.zeros(len(poles))
     positive = np.flatnonzero(poles > 0)
     for i in np.split(positive, range(FREQUENCIES_AT_ONCE, len(positive), FREQUENCIES_AT_ONCE)):
-        x = poles[i] * (1 + 1j * DAMPING) ** 2
+        x = poles[i] * (1 + 1j * DAMPING_RATIO) ** 2
         Z = stiffness_at_sites(x, k0, m0, P[positive], poles[positive])
         shares = np.einsum("ip,ip->i", P[i], np.linalg.solve(Z, P[i, :, None])[:, :, 0])
         share[i] = np.abs(x**2 / (poles[i] - x) * shares)
@@ -329,7 +329,7 @@ def info_of_model(
     """The record of an extraction, for `info` of the model."""
     measured, converged = checked_modes(structure, known, method)
     cells = {name: site.cell for name, site in sites.items() if site.cell is not None}
-    info = UNKNOWN.having(
+    info = UNKNOWN_INFO.having(
         structure=structure.describe(),
         dofs=structure.dofs,
         method=method,
@@ -382,7 +382,7 @@ def model_of(
 
     # the sites
     columns = np.split(np.arange(len(static.dependence)), np.cumsum([s.B.shape[1] for s in found]))
-    parameters = squeezed(
+    parameters = parameters_by_name(
         names,
         k0=k0,
         m0=m0,

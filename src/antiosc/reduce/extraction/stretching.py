@@ -28,7 +28,7 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.stretch import MOST, Count, Stretch
+from antiosc.models.stretch import MOST_MODES, Count, Stretch
 from antiosc.reduce.extraction import elastic_response
 
 if TYPE_CHECKING:
@@ -57,12 +57,12 @@ def meshed_part(structure: Structure) -> MeshedStructure:
 
 def pair_count(count: Count) -> int:
     """Number of pairs of modes; each pair takes one solve."""
-    modes = MOST if count == "auto" else min(count + 2, MOST)
+    modes = MOST_MODES if count == "auto" else min(count + 2, MOST_MODES)
     return modes * (modes + 1) // 2
 
 
 def with_stretch(
-    structure: Structure, model: AntiOscillators, count: Count, most: int = MOST
+    structure: Structure, model: AntiOscillators, count: Count, most: int = MOST_MODES
 ) -> AntiOscillators:
     """The model with second-order forces of `count` modes that its sites move most, plus two."""
     if model.shapes is None:
@@ -72,7 +72,9 @@ def with_stretch(
         raise InputError("stretch does not take dampers, nor layers that relax: leave it out.")
 
     assert body.shape is not None
-    modes = excited_motions(body.omega, body.B, most if count == "auto" else min(count + 2, MOST))
+    modes = excited_motions(
+        body.omega, body.B, most if count == "auto" else min(count + 2, MOST_MODES)
+    )
     phi = body.field((body.shape @ modes).T).T
 
     with doing(PROGRESS_TEXT, structure.comm.rank):

@@ -23,8 +23,8 @@ from antiosc.base.texts import ReprMixin
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure, refuse_dampers
-from antiosc.models.body import UNKNOWN, Body, ModelInfo
-from antiosc.models.free_modes import RESIDUAL_ROUNDING, UNOBSERVABLE, shares_of_receptance
+from antiosc.models.body import UNKNOWN_INFO, Body, ModelInfo
+from antiosc.models.free_modes import RESIDUAL_ROUNDING, UNOBSERVABLE_SHARE, receptance_shares
 from antiosc.models.modal import Damping, ModalBody, as_damping
 from antiosc.recovery import source
 from antiosc.recovery.series import write_vtu_file
@@ -327,7 +327,7 @@ def full(
     solver = ModeSolver(structure)
     modes = solver.lowest(structure.dofs)
     massless = len(modes.omega) < solver.limit  # such motions have no mode, but a compliance
-    model = at_site.model(at_site.observable(modes, UNOBSERVABLE), massless, checked_damping)
+    model = at_site.model(at_site.observable(modes, UNOBSERVABLE_SHARE), massless, checked_damping)
     return replace(model, info=model.info.having(method="full"))
 
 
@@ -354,7 +354,7 @@ class _ModesAtSite:
         check_modes(self._structure, modes)
         moves_site = self._a != 0
         b = np.append(self._a.sum(), dot(self._comm, modes.phi, self._where.b))
-        shares = shares_of_receptance(b, np.append(0.0, modes.omega**2))
+        shares = receptance_shares(b, np.append(0.0, modes.omega**2))
         visible = shares[1:] > tol
         omega = modes.omega[visible]
         b = b[1:][visible]
@@ -401,7 +401,7 @@ class _ModesAtSite:
             direction=where.direction,
             inertia=inertia_of(structure, phi),
         )
-        info = UNKNOWN.having(
+        info = UNKNOWN_INFO.having(
             structure=structure.describe(),
             dofs=structure.dofs,
             method="superposition",

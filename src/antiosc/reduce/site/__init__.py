@@ -13,7 +13,7 @@ from antiosc.base.errors import InputError
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.structure import NodalMatrices
 from antiosc.fem.structure.structure import Structure
-from antiosc.models.body import NOT_KNOWN
+from antiosc.models.body import UNKNOWN_SURFACE
 from antiosc.reduce.site.site import Functional, Site, functional_on_nodes, functional_on_rows
 
 
@@ -70,12 +70,12 @@ def surfaces(
     surfaces_found: dict[str, dict[str, object]] = {}
     for name, functional in sites.items():
         if functional.place is None:
-            surfaces_found[name] = {NOT_KNOWN: NO_POINT}
+            surfaces_found[name] = {UNKNOWN_SURFACE: NO_POINT}
             continue
         try:
             surface = surface_of(matrices, functional.place, functional.radius)
             surfaces_found[name] = surface.as_dict()
         except InputError as error:
-            surfaces_found[name] = {NOT_KNOWN: str(error)}
+            surfaces_found[name] = {UNKNOWN_SURFACE: str(error)}
 
     return surfaces_found

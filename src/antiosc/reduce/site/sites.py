@@ -29,7 +29,7 @@ from antiosc.fem.mesh.surface import (
 from antiosc.fem.platform import warn
 from antiosc.fem.structure.loads import Points, loads
 from antiosc.fem.structure.meshed import SURFACE_TOLERANCE, MeshedStructure
-from antiosc.models.body import CUT, NEAR
+from antiosc.models.body import CUT_PATCH, NEAR_SUPPORT
 
 #: Rings of a disc's quadrature in addition to those that the size of the cells requires. With too
 #: few rings, cells would be loaded by single forces.
@@ -311,7 +311,7 @@ def doubtful_patches(sites: Sites) -> dict[str, BoolArray]:
     near = np.zeros(len(sites), dtype=bool)
     if sites.clear is not None:
         near = np.asarray((sites.clear < NEAR_RADII * sites.radii) & (sites.local > 0))
-    return {CUT: _is_cut(sites), NEAR: near}
+    return {CUT_PATCH: _is_cut(sites), NEAR_SUPPORT: near}
 
 
 def _mesh_doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
