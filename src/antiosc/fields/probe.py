@@ -36,7 +36,7 @@ from antiosc.impact.histories.parts import BodyHistory
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.parameters import has_error_bars
 from antiosc.recovery import source
-from antiosc.recovery.place import NO_OUTLINE, Place, Reach, on_outlines, place
+from antiosc.recovery.place import NO_OUTLINE_REASON, Place, Reach, on_outlines, place
 from antiosc.reduce.site.site import located_point, motions_without_mesh
 
 #: The quantities of `probe`.
@@ -245,7 +245,9 @@ def _on_outline(structure: Structure, part: str | None, position: Place) -> list
     on_edge = on_outlines(of_beams, position)
     if on_edge:
         return on_edge
-    sentence = f"the von Mises stress is that of the centroid, without bending: {NO_OUTLINE}."
+    sentence = (
+        f"the von Mises stress is that of the centroid, without bending: {NO_OUTLINE_REASON}."
+    )
     on_root(structure.comm, partial(warn, sentence, AccuracyWarning))
     return [position]
 

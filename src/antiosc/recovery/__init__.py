@@ -1,4 +1,8 @@
-"""`source`: the module that gives the fields of a structure."""
+"""Displacements, strains, stresses and section forces of a structure, from motions of its dofs.
+
+`source` gives the module that does this for a structure: `mesh_fields` for one with a mesh,
+`node_fields` for given matrices with coordinates of their nodes.
+"""
 
 from __future__ import annotations
 

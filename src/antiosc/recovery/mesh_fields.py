@@ -26,7 +26,7 @@ from antiosc.fem.structure.meshed import Member, MeshedStructure, beams_alone
 from antiosc.fem.structure.place import places_at
 from antiosc.fem.structure.structure import Structure
 from antiosc.recovery.place import (
-    NO_OUTLINE,
+    NO_OUTLINE_REASON,
     NodeTensors,
     Origin,
     Place,
@@ -190,14 +190,14 @@ def _products_of_normals(part: MeshedStructure, cells: IntArray, X: Array) -> Ar
 
 #: Least eigenvalue of the mean of n nᵀ over the cells around a node whose normals n differ little:
 #: 0.93 of two cells at 30°, 0.5 at a right angle.
-LEAST_EIGENVALUE = 0.93
+FOLD_EIGENVALUE = 0.93
 
 
 def _is_fold(products: Array) -> BoolArray:
     """Mask (S,) of the nodes at folds, from mean products of normals (S, 6); (S, 0): none is."""
     if not products.shape[1]:
         return np.zeros(len(products), dtype=bool)
-    return np.asarray(np.linalg.eigvalsh(tensors_of(products))[:, -1] < LEAST_EIGENVALUE)
+    return np.asarray(np.linalg.eigvalsh(tensors_of(products))[:, -1] < FOLD_EIGENVALUE)
 
 
 def _join_ranks(
@@ -326,7 +326,7 @@ def at_nodes(
     return np.vstack(points), named, np.concatenate(values)
 
 
-def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]:
+def preloaded_parts(structure: Structure, part: str | None) -> list[tuple[Member, Array]]:
     """[(part, static displacements under the prestress)] of parts with second-order strains."""
     preload = structure.matrices.preload
     assert preload is not None
@@ -371,7 +371,7 @@ def tensors_at_nodes(
     _refuse_relaxing(structure, quantity)
 
     if shapes is None:
-        parts = loaded(structure, part)
+        parts = preloaded_parts(structure, part)
     else:
         parts = with_parts(structure).fields(shapes, part)
 
@@ -384,7 +384,7 @@ def tensors_at_nodes(
     start = 0
     for member, shapes_of_part in parts:
         of_part: list[tuple[IntArray, Array, IntArray]] = []
-        for place, numbers in _requests(member.part, places, ply):
+        for place, numbers in _evaluation_places(member.part, places, ply):
             arguments = shapes_of_part, quantity, place, numbers
             nodes, kind, columns = tensors_of_part(member.part, *arguments)
             of_part.append((nodes, columns, kind + len(origins)))
@@ -416,7 +416,7 @@ def materials_of(
     return [material for member, _ in parts for material, _ in member.part.parts]
 
 
-def _requests(
+def _evaluation_places(
     part: MeshedStructure, places: list[Place], ply: Place | None
 ) -> list[tuple[Place, list[int]]]:
     """[(place, numbers of the materials)] at which the tensors of a part are evaluated."""
@@ -428,7 +428,7 @@ def _requests(
     if part.kind.name == "beam" and places[0].fibre is None:
         on_edge = on_outlines([beam.section for beam, _ in part.parts], places[0])
         if not on_edge:
-            raise InputError(f"{NO_OUTLINE}.")
+            raise InputError(f"{NO_OUTLINE_REASON}.")
         return [(place, numbers) for place in on_edge]
 
     return [(place, numbers) for place in (places if part.kind.sheet else places[:1])]

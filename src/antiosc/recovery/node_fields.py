@@ -12,7 +12,7 @@ from antiosc.fem.structure import NodalMatrices
 from antiosc.fem.structure.structure import Structure
 from antiosc.recovery.place import NodeTensors, Reach, check_reach
 
-NO_ELEMENTS = (
+NO_ELEMENTS_MESSAGE = (
     "given matrices have no {}: they know neither elements nor materials; ask for the displacement,"
     " velocity or acceleration of a node."
 )
@@ -34,14 +34,14 @@ def recovered(
     structure: Structure, shapes: Array, points: Array, part: str | None, quantity: str, *_: object
 ) -> Array:
     """Raises InputError: given matrices have neither elements nor materials."""
-    raise InputError(NO_ELEMENTS.format(quantity))
+    raise InputError(NO_ELEMENTS_MESSAGE.format(quantity))
 
 
 def tensors_at_nodes(
     structure: Structure, shapes: Array, quantity: str, *_: object, **__: object
 ) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
     """Raises InputError: given matrices have neither elements nor materials."""
-    raise InputError(NO_ELEMENTS.format(quantity))
+    raise InputError(NO_ELEMENTS_MESSAGE.format(quantity))
 
 
 def materials_of(

@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 #: Without a length a point is moved by at most this share of the part's size, or by one element.
 SNAP_SHARE = 0.02
 #: Why beams of a section without an outline have no stress on it.
-NO_OUTLINE = (
+NO_OUTLINE_REASON = (
     "a section given by A and I has no outline; give fibre, the distances (y, z) of the point from"
     " its centroid, or the Section an outline"
 )
 
-SURFACES = ("top", "bottom", "middle")
+SHEET_SURFACES = ("top", "bottom", "middle")
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ def place(
     surface: object, layer: object, fibre: object, axes: object, stiffener: str | None = None
 ) -> Place:
     """The position that arguments of `probe` mean; InputError for invalid ones."""
-    surface = checks.choice("surface", surface, SURFACES)
+    surface = checks.choice("surface", surface, SHEET_SURFACES)
     if layer is not None:
         layer = checks.whole("layer", layer, least=0)
 

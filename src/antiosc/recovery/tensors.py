@@ -31,17 +31,17 @@ from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.recovery.place import Place
 
 
-def turned(tensors: Array, R: Array) -> Array:
+def rotated_tensors(tensors: Array, R: Array) -> Array:
     """Tensors (P, 3, 3, columns) in the axes that are the rows of R (P, 3, 3)."""
     return np.einsum("pia,pabk,pjb->pijk", R, tensors, R, optimize=True)
 
 
-def in_frame(local: Array, frame: Sequence[Array]) -> Array:
+def from_frame(local: Array, frame: Sequence[Array]) -> Array:
     """Tensors (P, 3, 3, columns) turned from the axes `frame`, each (P, 3), to the mesh's."""
-    return turned(local, np.stack(list(frame), axis=2))
+    return rotated_tensors(local, np.stack(list(frame), axis=2))
 
 
-def of_components(six: Array) -> Array:
+def tensors_of_components(six: Array) -> Array:
     """Tensors (P, 3, 3, columns) from their components (P, 6, columns) in the order of `PAIRS`."""
     return np.moveaxis(tensors_of(np.moveaxis(six, 1, -1)), 1, -1)
 
@@ -109,8 +109,8 @@ class PointsInCells:
         numbers, index = np.unique(self.part.part_of_cells()[self.cells], return_inverse=True)
         return [self.part.parts[k][0] for k in numbers] or [self.part.parts[0][0]], index.ravel()
 
-    def each(self, value: Callable[[Material], ArrayLike]) -> Array:
-        """`value(material)` (P, …) of the material at each point."""
+    def material_values(self, value: Callable[[Material], ArrayLike]) -> Array:
+        """`value(material)` at each point, for the material there: (P, …)."""
         materials, index = self._materials
         return np.array([value(material) for material in materials])[index]
 
@@ -152,15 +152,15 @@ def gauss_points(count: int) -> Array:
 
 def solid_strain(at: PointsInCells, place: Place) -> Array:
     """Strain tensors (P, 3, 3, columns)."""
-    gradient = _gradient(at)
+    gradient = _displacement_gradient(at)
     result = (gradient + np.swapaxes(gradient, 1, 2)) / 2
     if at.part.initial is not None:
         result += np.einsum("pkic,pkjc->pijc", gradient, gradient) / 2
 
     # in plane stress it contracts freely across the plane
-    plane_stress = at.each(lambda solid: getattr(solid, "plane", None) == "stress")
+    plane_stress = at.material_values(lambda solid: getattr(solid, "plane", None) == "stress")
     if plane_stress.any():
-        ratio = at.each(lambda solid: [solid.nu / (1 - solid.nu)])
+        ratio = at.material_values(lambda solid: [solid.nu / (1 - solid.nu)])
         contracted = -ratio * (result[:, 0, 0] + result[:, 1, 1])
         result[:, 2, 2] = np.where(plane_stress[:, None], contracted, 0.0)
 
@@ -171,20 +171,20 @@ def solid_stress(at: PointsInCells, place: Place) -> Array:
     """Stress tensors (P, 3, 3, columns), Pa."""
     strains = solid_strain(at, Place())
     engineering = np.stack([(1 if i == j else 2) * strains[:, i, j] for i, j in PAIRS], axis=1)
-    stresses = at.each(lambda solid: solid.voigt) @ engineering
-    return _in_material_axes(at, of_components(stresses), place)
+    stresses = at.material_values(lambda solid: solid.voigt) @ engineering
+    return _in_material_axes(at, tensors_of_components(stresses), place)
 
 
 def solid_rotation(at: PointsInCells, place: Place) -> Array:
     """Half the curl of the displacement (P, 3, columns), rad; (P, 1, columns) of plane parts."""
-    g = _gradient(at)
+    g = _displacement_gradient(at)
     if at.part.mesh.gdim == 2:
         return np.asarray((g[:, 1, 0] - g[:, 0, 1])[:, None] / 2)
     pairs = ((2, 1), (0, 2), (1, 0))
     return np.stack([(g[:, i, j] - g[:, j, i]) / 2 for i, j in pairs], axis=1)
 
 
-def _gradient(at: PointsInCells) -> Array:
+def _displacement_gradient(at: PointsInCells) -> Array:
     """Displacement gradients ∂u_i/∂x_j (P, 3, 3, columns)."""
     gdim = at.part.mesh.gdim
     inverse = np.linalg.inv(at.J[:, :gdim, :])
@@ -198,15 +198,19 @@ def _in_material_axes(at: PointsInCells, tensors: Array, place: Place) -> Array:
     """`tensors`, in the axes of an anisotropic material if `place` is local."""
     if not place.local:
         return tensors
-    return turned(tensors, at.each(lambda solid: getattr(solid, "axes", np.eye(3))))
+    return rotated_tensors(
+        tensors, at.material_values(lambda solid: getattr(solid, "axes", np.eye(3)))
+    )
 
 
 def truss_section_forces(at: PointsInCells, place: Place) -> Array:
     """Axial forces (P, 1, columns), N."""
-    return np.asarray((at.each(lambda bar: [bar.E * bar.area]) * _axial(at))[:, None])
+    return np.asarray(
+        (at.material_values(lambda bar: [bar.E * bar.area]) * _axial_strain(at))[:, None]
+    )
 
 
-def _axial(at: PointsInCells) -> Array:
+def _axial_strain(at: PointsInCells) -> Array:
     """Axial strains (P, columns), with second-order strains if there is a static state."""
     length = np.linalg.norm(at.J[:, :, 0], axis=1)[:, None]
     slope = at.slopes(at.dofs("xyz"))[:, :, 0] / length[:, :, None]
@@ -232,9 +236,9 @@ def truss_tensors(
         t = at.J[:, :, 0] / np.linalg.norm(at.J[:, :, 0], axis=1)[:, None]
         axial_tensor = np.einsum("pi,pj->pij", t, t)
 
-    sizes = at.each(sizes_of)
+    sizes = at.material_values(sizes_of)
     shape = sizes[:, :1, None] * axial_tensor + sizes[:, 1:, None] * (np.eye(3) - axial_tensor)
-    return np.asarray(shape[..., None] * _axial(at)[:, None, None])
+    return np.asarray(shape[..., None] * _axial_strain(at)[:, None, None])
 
 
 class BeamFrame(NamedTuple):
@@ -266,7 +270,7 @@ def beam_section_forces(at: PointsInCells, place: Place) -> Array:
         shear = [beam.shear_stiffness(plane, size) for plane in (0, 1)]
         return [beam.E * s.A, *shear, beam.G * s.torsion, beam.E * s.side, beam.E * s.I]
 
-    forces = strains * at.each(stiffness)[:, :, None]
+    forces = strains * at.material_values(stiffness)[:, :, None]
     if at.part.mesh.gdim == 3:
         return forces
     return forces[:, [0, 1, 5]]
@@ -275,28 +279,28 @@ def beam_section_forces(at: PointsInCells, place: Place) -> Array:
 def beam_strain(at: PointsInCells, place: Place) -> Array:
     """Strain tensors (P, 3, 3, columns) at a fibre: axial strain and transverse contraction."""
     strains, frame = section_strains(at)
-    y, z = at.each(lambda beam: _fibre(beam, place)).T[:, :, None]
+    y, z = at.material_values(lambda beam: _fibre_position(beam, place)).T[:, :, None]
     fibre_strain = strains[:, 0] - y * strains[:, 5] + z * strains[:, 4]
-    nu = at.each(lambda beam: [beam.nu])
+    nu = at.material_values(lambda beam: [beam.nu])
     local = np.zeros((len(at.cells), 3, 3, fibre_strain.shape[1]))
     local[:, 0, 0] = fibre_strain
     local[:, 1, 1] = local[:, 2, 2] = -nu * fibre_strain
     if place.local:
         return local
-    return in_frame(local, frame)
+    return from_frame(local, frame)
 
 
 def beam_stress(at: PointsInCells, place: Place) -> Array:
     """Stress tensors (P, 3, 3, columns) [Pa] at a fibre: normal stress of N, My, Mz alone."""
     strains = beam_strain(at, Place(fibre=place.fibre, local=True))
     local = np.zeros_like(strains)
-    local[:, 0, 0] = at.each(lambda beam: [beam.E]) * strains[:, 0, 0]
+    local[:, 0, 0] = at.material_values(lambda beam: [beam.E]) * strains[:, 0, 0]
     if place.local:
         return local
-    return in_frame(local, _beam_axes(at))
+    return from_frame(local, _beam_axes(at))
 
 
-def _fibre(beam: Beam, place: Place) -> list[float]:
+def _fibre_position(beam: Beam, place: Place) -> list[float]:
     """(y, z) of the fibre in the section of a beam, m."""
     if isinstance(place.fibre, int):
         outline = beam.section.outline
@@ -312,7 +316,7 @@ def _section_strains_at(at: PointsInCells, frame: BeamFrame) -> Array:
     slope = at.slopes(displacements)[:, :, 0] / length
     curvature = at.slopes(rotations)[:, :, 0] / length
     rotation = at.values(rotations)
-    offset = at.each(lambda beam: [beam.offset])
+    offset = at.material_values(lambda beam: [beam.offset])
 
     def component(vectors: Array, axis: Array) -> Array:
         """Components (P, columns) of vectors (P, 3, columns) along an axis (P, 3)."""
@@ -351,7 +355,7 @@ def _beam_axes(at: PointsInCells) -> BeamFrame:
 
 
 #: Cosine of the angle to the normal from which x is near it.
-NEAR_NORMAL = 0.9
+NEAR_NORMAL_COSINE = 0.9
 
 
 class SheetFrame(NamedTuple):
@@ -389,7 +393,7 @@ class SheetAxes:
         n = np.cross(at.J[:, :, 0], at.J[:, :, 1])
         n *= (self.side[at.cells] / np.linalg.norm(n, axis=1))[:, None]
         default_axis = np.where(
-            np.abs(n[:, :1]) < NEAR_NORMAL, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]
+            np.abs(n[:, :1]) < NEAR_NORMAL_COSINE, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]
         )
         a = np.where(self.given[at.cells][:, None], self.axis[at.cells], default_axis)
         e1 = a - np.einsum("pc,pc->p", a, n)[:, None] * n
@@ -420,7 +424,7 @@ def middle_strains(at: PointsInCells, axes: SheetAxes) -> Strains:
 def sheet_section_forces(at: PointsInCells, place: Place, axes: SheetAxes) -> Array:
     """(N1, N2, N12, M1, M2, M12, Q1, Q2) (P, 8, columns) per width in local axes; N/m, N, N/m."""
     membrane, bending, shear = middle_strains(at, axes)
-    A, B, D, S = (at.each(attrgetter(f"section.{name}")) for name in "ABDS")
+    A, B, D, S = (at.material_values(attrgetter(f"section.{name}")) for name in "ABDS")
     forces = [A @ membrane + B @ bending, B @ membrane + D @ bending, S @ shear]
     return np.concatenate(forces, axis=1)
 
@@ -431,30 +435,30 @@ def sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stress
     if not len(at.cells):  # the first material may have no such layer
         return np.zeros((0, 3, 3, membrane.shape[2]))
 
-    def each(value: Callable[[Sheet, int, float], ArrayLike]) -> Array:
-        """`value` of the sheet, the number of its layer and the height [m] in it, at each point."""
-        return at.each(lambda sheet: value(sheet, *_height(sheet, place)))
+    def sheet_values(value: Callable[[Sheet, int, float], ArrayLike]) -> Array:
+        """`value(sheet, number of its layer, height above its middle [m])` at each point."""
+        return at.material_values(lambda sheet: value(sheet, *_layer_and_height(sheet, place)))
 
     # stresses of the shear forces in equilibrium, and the strains that they cause
-    plane = membrane + each(lambda sheet, _, z: [[z + sheet.offset]]) * bending
-    f = each(lambda sheet, k, z: shear_stresses(_layers(sheet), k, z) @ sheet.section.S)
+    plane = membrane + sheet_values(lambda sheet, _, z: [[z + sheet.offset]]) * bending
+    f = sheet_values(lambda sheet, k, z: shear_stresses(_layers(sheet), k, z) @ sheet.section.S)
     across = f @ shear
     if of_stress:
-        plane = each(lambda sheet, k, _: _layers(sheet)[k].plane_stress()) @ plane
+        plane = sheet_values(lambda sheet, k, _: _layers(sheet)[k].plane_stress()) @ plane
         normal = np.zeros_like(plane[:, 0])
         half = 1.0
     else:
-        normal = (each(lambda sheet, k, _: _layers(sheet)[k].contraction()) @ plane)[:, 0]
-        G = each(lambda sheet, k, _: _layers(sheet)[k].transverse_shear())
+        normal = (sheet_values(lambda sheet, k, _: _layers(sheet)[k].contraction()) @ plane)[:, 0]
+        G = sheet_values(lambda sheet, k, _: _layers(sheet)[k].transverse_shear())
         across = np.linalg.solve(G, across)
         half = 0.5
 
     shears = half * across[:, 1], half * across[:, 0], half * plane[:, 2]
-    result = of_components(np.stack([plane[:, 0], plane[:, 1], normal, *shears], axis=1))
+    result = tensors_of_components(np.stack([plane[:, 0], plane[:, 1], normal, *shears], axis=1))
     if not place.local:
-        return in_frame(result, axes.frame(at))
-    angle = each(lambda sheet, k, _: _layers(sheet)[k].angle)
-    return turned(result, Rotation.from_euler("z", -angle, degrees=True).as_matrix())
+        return from_frame(result, axes.frame(at))
+    angle = sheet_values(lambda sheet, k, _: _layers(sheet)[k].angle)
+    return rotated_tensors(result, Rotation.from_euler("z", -angle, degrees=True).as_matrix())
 
 
 def _layers(sheet: Sheet) -> list[Layer]:
@@ -470,7 +474,7 @@ def _layers(sheet: Sheet) -> list[Layer]:
     return [Layer.isotropic(sheet.E, sheet.nu, sheet.rho, sheet.thickness)]  # type: ignore[attr-defined]
 
 
-def _height(sheet: Sheet, place: Place) -> tuple[int, float]:
+def _layer_and_height(sheet: Sheet, place: Place) -> tuple[int, float]:
     """(number of the layer, height above the middle surface [m]) of a place."""
     layers = _layers(sheet)
     steps = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
