@@ -188,7 +188,7 @@ def _build_description(name: str) -> ET.Element:
 
 def sources() -> dict[str, str]:
     """The C sources: path below csrc -> text."""
-    for folder in (_PACKAGE / "csrc", library.SOURCE):
+    for folder in (_PACKAGE / "csrc", library.SOURCE_FOLDER):
         files = sorted([*folder.glob("*.[ch]"), *folder.glob("export/*.[ch]")])
         if files:
             return {f.relative_to(folder).as_posix(): f.read_text("utf-8") for f in files}
@@ -197,7 +197,7 @@ def sources() -> dict[str, str]:
 
 def binaries() -> dict[str, bytes]:
     """Platform -> content of its compiled library: this one, and those built for others."""
-    libraries = {library.platform(): library.FILE.read_bytes()}
+    libraries = {library.platform(): library.LIBRARY_FILE.read_bytes()}
     sources = library.library.aom_source_hash()
     for name, (_, ending) in PLATFORMS.items():
         file = _PACKAGE / "binaries" / f"{name}{ending}"

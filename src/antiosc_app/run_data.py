@@ -17,8 +17,8 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.engine import library
 from antiosc.engine.contact.base import is_compiled
 from antiosc.engine.equilibrium import set_initial_forces
-from antiosc.engine.march import FINE
-from antiosc.engine.system import BodyModes, PackedSystem, System, posed
+from antiosc.engine.march import TOUCH_RESOLUTION
+from antiosc.engine.system import BodyModes, PackedSystem, System, system_of_bodies
 from antiosc.extension import (
     SceneBody,
     SceneParts,
@@ -203,7 +203,7 @@ def model_run(model: LinearBody) -> RunData:
     inputs = [Variable(f"{name}force".lstrip("."), "N", "force on the site") for name in names]
     outputs, variables = _site_outputs(names)
     return RunData(
-        posed([modes], (), body.r),
+        system_of_bodies([modes], (), body.r),
         (1.0, 1e-3, 0.0, 0.0, 0.0),
         1.0,
         body.B.T.copy(),
@@ -251,7 +251,13 @@ def scene_run(scene: SceneParts, duration: float | None, tol: float, without_bod
     sites, site_variables = _site_outputs(names)
     parameters, starts = _initial_speeds(assembly, without_body)
     span = float(span)  # its repr is that of C
-    options = (LONGEST_RUN * span, converged.share, 0.0, 0.0, assembly.contact_time_estimate / FINE)
+    options = (
+        LONGEST_RUN * span,
+        converged.share,
+        0.0,
+        0.0,
+        assembly.contact_time_estimate / TOUCH_RESOLUTION,
+    )
     return RunData(
         assembly.system,
         options,

@@ -14,9 +14,9 @@ from antiosc import ContactLaw, Site, Structure
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.engine.contact.choice import choose
-from antiosc.engine.contact.curvature import CURVED, SHARP
-from antiosc.engine.contact.surfaces import RIGID, Surface, matter_of
+from antiosc.engine.contact.choice import choose_law
+from antiosc.engine.contact.curvature import CURVED, SHARP_KINDS
+from antiosc.engine.contact.surfaces import RIGID_MATTER, Surface, matter_of
 from antiosc.models.body import Body
 from antiosc.reduce.site import functional
 from antiosc_studies.drops.floor import Floor, law_of
@@ -60,19 +60,19 @@ def contact_between(
         surface = replace(
             surface, curvatures=(curvature, curvature), error=0.0, kind=CURVED, along=None
         )
-    elif surface.kind in SHARP:
+    elif surface.kind in SHARP_KINDS:
         point = checks.point_text(np.asarray(getattr(at, "point", at)))
         raise InputError(f"the part has a sharp {surface.kind} at {point}: give a radius.")
 
     if not isinstance(other, Floor):
-        return choose(surface, _other(other, at)).law
+        return choose_law(surface, _other(other, at)).law
     return law_of(other, surface)
 
 
 def _other(other: Any, at: object) -> Surface:
     """The surface of the other body."""
     if other is None:
-        return Surface(RIGID)
+        return Surface(RIGID_MATTER)
     if isinstance(other, Structure | Body):
         return _surface_of(other, at)
     matter = matter_of(other)

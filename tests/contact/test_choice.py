@@ -10,11 +10,11 @@ from scipy.optimize import brentq
 
 import antiosc as ao
 from antiosc.base import materials
-from antiosc.engine.contact.choice import choose, lacks_strength
+from antiosc.engine.contact.choice import choose_law, lacks_strength
 from antiosc.engine.contact.geometry import effective_modulus
 from antiosc.engine.contact.laws import yield_factor
-from antiosc.engine.contact.peak_error import TABOR, error_of_peak, mean_strain_rate
-from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, ball, matter_of
+from antiosc.engine.contact.peak_error import TABOR_STRAIN, error_of_peak, mean_strain_rate
+from antiosc.engine.contact.surfaces import RIGID_MATTER, Matter, Surface, ball, matter_of
 
 YIELDING = [name for name in materials.names() if materials.record(name).yield_strength]
 STIFF = [name for name in materials.names() if not name.startswith(("wood", "rubber"))]
@@ -75,33 +75,33 @@ def test_of_200_scenes_those_below_yield_are_hertz():
         (Surface(Matter(70e9)), ball(Matter(210e9), 0.01), ao.Hertz),
         (Surface(Matter(3e6, 0.49, brittle=True, loss=0.2)), ball(STEEL, 0.01), ao.Gonthier),
         (Surface(Matter(9e9, 0.0, critical=8e-5)), ball(STEEL, 0.01), ao.YangSun),
-        (Surface(ALLOY, radius=0.01), Surface(RIGID), ao.Linear),
-        (Surface(ALLOY, (100.0, 100.0), kind="edge"), Surface(RIGID), ao.ElasticPlastic),
+        (Surface(ALLOY, radius=0.01), Surface(RIGID_MATTER), ao.Linear),
+        (Surface(ALLOY, (100.0, 100.0), kind="edge"), Surface(RIGID_MATTER), ao.ElasticPlastic),
     ],
 )
 def test_the_table_of_laws(one, other, law):
-    found = choose(one, other)
+    found = choose_law(one, other)
     assert isinstance(found.law, law)
-    assert choose(other, one).law == found.law
+    assert choose_law(other, one).law == found.law
 
 
 def test_the_stiffness_is_that_of_hertz():
     cylinder = Surface(ALLOY, (0.0, 1 / 0.018), kind="line")
     known = ao.Hertz.from_radii(0.01, STEEL.E, STEEL.nu, (inf, 0.018), ALLOY.E, ALLOY.nu)
-    assert choose(cylinder, ball(STEEL, 0.01)).law.stiffness == pytest.approx(known.stiffness)
+    assert choose_law(cylinder, ball(STEEL, 0.01)).law.stiffness == pytest.approx(known.stiffness)
     crossed = Surface(STEEL, (0.0, 100.0), kind="line", along=(0.0, 1.0, 0.0))
     own = replace(cylinder, along=(1.0, 0.0, 0.0))
     known = ao.Hertz.from_radii(
         (inf, 0.018), ALLOY.E, ALLOY.nu, (inf, 0.01), STEEL.E, STEEL.nu, 90.0
     )
-    assert choose(own, crossed).law.stiffness == pytest.approx(known.stiffness)
+    assert choose_law(own, crossed).law.stiffness == pytest.approx(known.stiffness)
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1.5, 4.0, 30.0])
 def test_an_ellipse_yields_where_its_own_pressure_says(ratio: float):
     """Of a spheroid on a plane: semi-axes by quadrature of Hertz's pressure, Johnson 3.3."""
     bent = (50.0, 50.0 * ratio)
-    law = choose(Surface(RIGID, bent, kind="curved"), Surface(ALLOY)).law
+    law = choose_law(Surface(RIGID_MATTER, bent, kind="curved"), Surface(ALLOY)).law
     E, d = ALLOY.E / (1 - ALLOY.nu**2), law.yield_indentation
     t = (np.arange(4000) + 0.5) * pi / 8000
 
@@ -126,14 +126,14 @@ def test_an_ellipse_yields_where_its_own_pressure_says(ratio: float):
 @pytest.mark.parametrize(
     ("one", "other", "word"),
     [
-        (Surface(RIGID), Surface(RIGID), "rigid"),
+        (Surface(RIGID_MATTER), Surface(RIGID_MATTER), "rigid"),
         (Surface(ALLOY, (-120.0, -120.0), kind="curved"), ball(STEEL, 0.01), "fit into"),
-        (Surface(ALLOY), Surface(RIGID), "flat"),
+        (Surface(ALLOY), Surface(RIGID_MATTER), "flat"),
     ],
 )
 def test_surfaces_without_a_law(one, other, word):
     with pytest.raises(ao.InputError, match=word):
-        choose(one, other)
+        choose_law(one, other)
 
 
 def test_a_model_without_a_surface_asks_for_a_law():
@@ -174,7 +174,9 @@ def test_a_model_without_a_mesh_takes_a_material(tmp_path, radius):
     law = ao.simulate(struck, striker, duration=2e-3).law
     assert (
         law
-        == choose(ball(ALLOY, radius) if radius < inf else Surface(ALLOY), striker.surface()).law
+        == choose_law(
+            ball(ALLOY, radius) if radius < inf else Surface(ALLOY), striker.surface()
+        ).law
     )
     struck.save(tmp_path / "model.npz")
     again = ao.AntiOscillators.load(tmp_path / "model.npz")
@@ -253,7 +255,7 @@ def fall_of_a_point(law: ao.ElasticPlastic, mass: float, speed: float, rate) -> 
     """Peak force of a mass on a wall whose strength follows the strain rate at each moment."""
     depth, peak, h = 1e-3 * law.yield_indentation, 0.0, 2e-8
     while speed > 0:
-        now = TABOR * speed / (2 * sqrt(depth * law.radius))
+        now = TABOR_STRAIN * speed / (2 * sqrt(depth * law.radius))
         hard = replace(law, yield_strength=rate(now))
         force = hard.force(depth, 0.0, hard.touch(1.0))
         peak = max(peak, force)
@@ -271,7 +273,7 @@ def test_the_mean_strain_rate_gives_the_peak_of_a_strength_that_follows_it(name)
         m0=30.0, k0=1.0, m=[1.0, 1.0], omega=[1e-3, 2e-3], strain_error=errors,
         info={"surfaces": {"": Surface(metal).as_dict()}},
     )  # fmt: skip
-    striker = ao.RigidMass(ball_mass, 2.0, tip_radius=radius, material=RIGID)
+    striker = ao.RigidMass(ball_mass, 2.0, tip_radius=radius, material=RIGID_MATTER)
     hit = ao.simulate(still, striker, duration=1e-3, tol=1e-5)
     start, end = hit.contacts[0]
     rate_at_peak = mean_strain_rate(hit.law, hit.deepest, end - start)
@@ -301,11 +303,11 @@ def test_a_strength_that_may_be_lower_counts_before_the_usual_one_yields():
     change = abs(ao.simulate(struck, ball, other, duration=5e-3).peak_force / hit.peak_force - 1)
     assert change > 0.01
     assert hit.error_budget["peak_force"].law == pytest.approx(change, rel=0.05)
-    choice = choose(Surface(weak), ball.surface())
+    choice = choose_law(Surface(weak), ball.surface())
     at_equal_work = error_of_peak(choice, hit.peak_force, hit.contact_time)
     assert change < at_equal_work < 1.5 * change  # a structure that gives way changes less
     exact = replace(weak, yield_range=None)
-    alone = choose(Surface(exact), ball.surface())
+    alone = choose_law(Surface(exact), ball.surface())
     assert error_of_peak(alone, hit.peak_force, hit.contact_time) == 0.0
 
 
@@ -314,8 +316,10 @@ def test_a_strength_that_may_be_lower_counts_before_the_usual_one_yields():
 )
 def test_a_rubber_by_its_constants_does_not_yield(E: float, nu: float, known: bool) -> None:
     tip = Surface(Matter(E, nu), curvatures=(100.0, 100.0))
-    choice = choose(tip, Surface(ALLOY))
+    choice = choose_law(tip, Surface(ALLOY))
     assert lacks_strength(choice) != known
     assert ("with a rubber" in choice.kind) == known
     assert choice.soft_ball
-    assert not choose(Surface(Matter(E, nu)), Surface(ALLOY, curvatures=(100.0, 100.0))).soft_ball
+    assert not choose_law(
+        Surface(Matter(E, nu)), Surface(ALLOY, curvatures=(100.0, 100.0))
+    ).soft_ball

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.engine.contact.choice import choose
+from antiosc.engine.contact.choice import choose_law
 from antiosc.engine.contact.geometry import equivalent_circle
 from antiosc.engine.contact.surfaces import Matter, Surface, ball
 
@@ -135,7 +135,7 @@ def test_force_of_two_sides_that_yield_against_finite_elements(name: str) -> Non
     """One is stronger, as stiff: within 1.5 %, and 2 % above for the grid of the truth."""
     soft = Matter(1e11, 0.3, 1e8)
     hard = replace(soft, yield_strength=1e8 * float(name.removeprefix("strength ")))
-    choice = choose(Surface(soft), ball(hard, 0.01))
+    choice = choose_law(Surface(soft), ball(hard, 0.01))
     law, of = choice.law, UNLIKE[name]
     for x, found in zip(of.x, of.ratio, strict=True):
         off = law.force(x * law.yield_indentation, 0.0, law.touch(1.0))

@@ -107,9 +107,9 @@ def test_sliders_through_yield_leave_the_dent_of_simulate(model):
 
 def test_the_engine_is_built_of_these_sources():
     """If not: `make page`, and commit engine.wasm."""
-    if not (library.SOURCE / "page").is_dir():
+    if not (library.SOURCE_FOLDER / "page").is_dir():
         pytest.skip("an installation without the C sources")
-    assert library.source_hash(library.SOURCE).encode() in assets.engine()
+    assert library.source_hash(library.SOURCE_FOLDER).encode() in assets.engine()
 
 
 def test_other_scenes_are_not_repeated():

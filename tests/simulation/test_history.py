@@ -80,7 +80,7 @@ def test_an_impact_of_two_bodies_too(monkeypatch, law):
         return [*found, np.array([hit.impulse, hit.contact_time, len(hit.contacts)])]
 
     wanted = numbers()
-    monkeypatch.setattr(march, "STATES", 3000)
+    monkeypatch.setattr(march, "MOST_STATE_BYTES", 3000)
     monkeypatch.setattr(states, "STATES_AT_ONCE", 50)
     for one, other in zip(numbers(), wanted, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11 * np.abs(other).max())

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import antiosc as ao
 from antiosc.engine import library, march
 from antiosc.engine.equilibrium import set_initial_forces
-from antiosc.engine.system import CONTACT, System
+from antiosc.engine.system import CONTACT_RECORD, System
 from antiosc.impact.assembly import assemble_scene
 from march_audit import motion
 from march_builds import built
@@ -31,7 +31,7 @@ def system(laws: list[ao.ContactLaw], **given: Array) -> System:
         "loads": rng.normal(size=(3, OMEGA.size)), "offsets": rng.normal(size=(3, p)) * 1e-6,
         "q": rng.normal(size=OMEGA.size) * 1e-5, "v": rng.normal(size=OMEGA.size),
     }  # fmt: skip
-    contacts = np.zeros(p, CONTACT)
+    contacts = np.zeros(p, CONTACT_RECORD)
     expected = {"mass": 1.0, "expected_depth": 1e-4, "expected_speed": 2.0, "first_tangential": p}
     for name, value in expected.items():
         contacts[name] = value
@@ -51,7 +51,7 @@ def test_the_structures_have_the_sizes_of_the_librarys() -> None:
         library.CSolution,
     )
     expected = [ctypes.sizeof(each) for each in mirrored]
-    expected += [library.TOUCH.itemsize]
+    expected += [library.TOUCH_RECORD.itemsize]
     batches = (
         library.CNumbers,
         library.CImpact,

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import antiosc as ao
-from antiosc.engine.contact.surfaces import RIGID
+from antiosc.engine.contact.surfaces import RIGID_MATTER
 from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.fall import initial_state
 from antiosc_studies.drops.flight import rotation_matrices
@@ -51,7 +51,7 @@ def bar(modes: int = 2) -> FreeBody:
     moments = mass / 12 * np.array([width**2 + height**2, length**2 + height**2, length**2])
     return FreeBody(
         mass, np.diag(moments), points, np.zeros(3), np.zeros(2), np.full((2, 2), 1e-3),
-        np.full(2, RIGID, dtype=object), omega, 0.002 * omega, shapes, length,
+        np.full(2, RIGID_MATTER, dtype=object), omega, 0.002 * omega, shapes, length,
     )  # fmt: skip
 
 

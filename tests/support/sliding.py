@@ -17,8 +17,8 @@ from scipy.optimize import brentq, minimize_scalar
 
 import antiosc as ao
 from antiosc.engine import library
-from antiosc.engine.march import FINE, Converged, solve
-from antiosc.engine.system import BodyModes, System, posed
+from antiosc.engine.march import TOUCH_RESOLUTION, Converged, solve
+from antiosc.engine.system import BodyModes, System, system_of_bodies
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def system_of(scene: Scene) -> System:
         load=np.array([scene.pressing / root, *[0.0] * len(scene.springs)]),
     )
     law = ao.Linear(scene.normal)
-    system = posed([body], [law], np.zeros((directions, directions)))
+    system = system_of_bodies([body], [law], np.zeros((directions, directions)))
     system.tangents[0] = 1, len(scene.springs)
     system.q[:] = root * np.array([pressed / scene.normal, *scene.start])
     system.slip[0] = scene.friction, scene.tangential
@@ -271,6 +271,8 @@ def errors(truth: Truth, found: Converged) -> Errors:
 def run_scene(scene: Scene, tol: float) -> Converged:
     """The engine's run."""
     period = np.pi * np.sqrt(scene.mass / scene.normal)
-    options = library.COptions(scene.duration, tol, 0.0, 0.0, period / FINE, 10_000, 2_000_000, 0)
+    options = library.COptions(
+        scene.duration, tol, 0.0, 0.0, period / TOUCH_RESOLUTION, 10_000, 2_000_000, 0
+    )
     run, found = solve(system_of(scene), options)
     return Converged(run, found.share, found.force, found.peak, found.certain)

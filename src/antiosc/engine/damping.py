@@ -26,7 +26,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
 
 #: Asymmetry and negative eigenvalues, of a unit diagonal, that are rounding.
-ASYMMETRY = 1e-9
+MATRIX_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,7 +133,11 @@ def _factor(name: str, matrix: object, size: int | None) -> Array:
     unit, uneven = checks.scaled_symmetric(checked_matrix, scale)
     values, vectors = np.linalg.eigh(unit)
     smallest = float(values.min(initial=0.0))
-    if uneven > ASYMMETRY or smallest < -ASYMMETRY or np.any(checked_matrix[scale == 0]):
+    if (
+        uneven > MATRIX_ROUNDING
+        or smallest < -MATRIX_ROUNDING
+        or np.any(checked_matrix[scale == 0])
+    ):
         raise InputError(
             f"{name} must be symmetric and positive semidefinite, as dashpots and springs make it;"
             f" its least eigenvalue is {smallest:.2g} of its diagonal: it would add energy."

@@ -20,7 +20,7 @@ from antiosc.engine.contact import ContactLaw, State
 from antiosc.engine.system import ContactState, System
 
 #: Steps of the search for rest: the scenes of the quick tests need 10 at most.
-_ITERATIONS = 400
+_MOST_ITERATIONS = 400
 
 
 def _resting_state(system: System) -> tuple[Array, Array]:
@@ -55,7 +55,7 @@ def _resting_state(system: System) -> tuple[Array, Array]:
         return force, delta, float(0.5 * square @ q**2 - load @ q + W)
 
     force, delta, value = pushed_back(q, force)
-    for _ in range(_ITERATIONS):
+    for _ in range(_MOST_ITERATIONS):
         residual = load - square * q - beta.T @ force
         scale = size + float(np.abs(beta.T @ force).max())
         if np.abs(residual).max() <= 1e-12 * scale:

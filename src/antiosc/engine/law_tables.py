@@ -24,17 +24,17 @@ class CallbackLaw:
     def __init__(self, law: ContactLaw) -> None:
         self.law = law
         self.size = len(law.touch(1.0))
-        if self.size > library.MEMORY - 2:
+        if self.size > library.CONTACT_MEMORY - 2:
             raise InputError(
-                f"the state of a contact law may hold up to {library.MEMORY - 2} numbers;"
+                f"the state of a contact law may hold up to {library.CONTACT_MEMORY - 2} numbers;"
                 f" {type(law).__name__}.touch returns {self.size}."
             )
         self.error: BaseException | None = None
         functions = (
-            library.FORCE(self._force),
-            library.TOUCHED(self._touch),
-            library.ADVANCE(self._advance),
-            library.WORK(self._work),
+            library.FORCE_CALLBACK(self._force),
+            library.TOUCH_CALLBACK(self._touch),
+            library.ADVANCE_CALLBACK(self._advance),
+            library.WORK_CALLBACK(self._work),
         )
         self.kernel = library.UserLaw(None, self.size, law.rate_dependent, *functions)
 

@@ -32,9 +32,9 @@ from antiosc.base.errors import MissingDependencyError
 #: AOM_VERSION that the structures below belong to
 VERSION = 13
 #: numbers that a contact may remember
-MEMORY = 8
+CONTACT_MEMORY = 8
 #: `aom_touch`
-TOUCH = np.dtype(
+TOUCH_RECORD = np.dtype(
     [*((name, float) for name in ("start", "end", "speed", "impulse", "peak")),
      *((name, np.int64) for name in ("first", "last"))]
 )  # fmt: skip
@@ -46,14 +46,18 @@ LINEAR, POWER, HERTZ, DAMPED, THORNTON, YANG_SUN, ELASTIC_PLASTIC, TABLE, USER =
 # branches of a law
 APART, FORWARD, CUT, BACK = range(4)
 
-FORCE = ctypes.CFUNCTYPE(c_int, c_void_p, c_double, c_double, POINTER(c_double), POINTER(c_double))
-TOUCHED = ctypes.CFUNCTYPE(c_int, c_void_p, c_double, c_int, POINTER(c_double), POINTER(c_double))
-ADVANCE = FORCE
-WORK = ctypes.CFUNCTYPE(c_int, c_void_p, c_double, c_double, POINTER(c_double))
+FORCE_CALLBACK = ctypes.CFUNCTYPE(
+    c_int, c_void_p, c_double, c_double, POINTER(c_double), POINTER(c_double)
+)
+TOUCH_CALLBACK = ctypes.CFUNCTYPE(
+    c_int, c_void_p, c_double, c_int, POINTER(c_double), POINTER(c_double)
+)
+ADVANCE_CALLBACK = FORCE_CALLBACK
+WORK_CALLBACK = ctypes.CFUNCTYPE(c_int, c_void_p, c_double, c_double, POINTER(c_double))
 
 
 _Scalar: TypeAlias = type[c_int] | type[c_int64] | type[c_double] | type[c_void_p]
-_TYPES: dict[str, _Scalar] = {
+_C_TYPES: dict[str, _Scalar] = {
     "int": c_int,
     "int64": c_int64,
     "double": c_double,
@@ -64,7 +68,7 @@ _TYPES: dict[str, _Scalar] = {
 def _fields(declarations: str) -> list[tuple[str, _Scalar]]:
     """Fields of a structure, declared as in C: "double time, end; int64 steps"."""
     groups = [group.split(maxsplit=1) for group in declarations.split(";")]
-    return [(name.strip(), _TYPES[kind]) for kind, names in groups for name in names.split(",")]
+    return [(name.strip(), _C_TYPES[kind]) for kind, names in groups for name in names.split(",")]
 
 
 # The C structures of these names: `CLaw` is `aom_law`.
@@ -73,7 +77,12 @@ def _fields(declarations: str) -> list[tuple[str, _Scalar]]:
 class UserLaw(Structure):
     _fields_ = [
         *_fields("pointer context; int n_state, rated"),
-        *(("force", FORCE), ("touch", TOUCHED), ("advance", ADVANCE), ("work", WORK)),
+        *(
+            ("force", FORCE_CALLBACK),
+            ("touch", TOUCH_CALLBACK),
+            ("advance", ADVANCE_CALLBACK),
+            ("work", WORK_CALLBACK),
+        ),
     ]
 
 
@@ -176,8 +185,8 @@ class CModel(Structure):
 
 _PACKAGE = Path(__file__).parents[1]
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
-FILE = _PACKAGE / f"libantiosc_march{_SUFFIX}"
-SOURCE = _PACKAGE.parent.parent / "csrc"
+LIBRARY_FILE = _PACKAGE / f"libantiosc_march{_SUFFIX}"
+SOURCE_FOLDER = _PACKAGE.parent.parent / "csrc"
 _REMEDY = "build it with `make` in the source folder, or install antiosc anew"
 
 _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
@@ -227,7 +236,7 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
 }  # fmt: skip
 #: Functions that take long: other threads run meanwhile. Others keep the interpreter's lock, which
 #: threads would otherwise pass on several times in each impact.
-_LONG = ("aom_integrate", "aom_solve", "aom_batch_solve")
+_LONG_FUNCTIONS = ("aom_integrate", "aom_solve", "aom_batch_solve")
 
 
 def source_hash(folder: Path) -> str:
@@ -238,7 +247,7 @@ def source_hash(folder: Path) -> str:
     return text.hexdigest()[:16]
 
 
-def load(path: Path = FILE, source: Path = SOURCE) -> ctypes.CDLL:
+def load(path: Path = LIBRARY_FILE, source: Path = SOURCE_FOLDER) -> ctypes.CDLL:
     """Load the library; MissingDependencyError if it is missing, damaged or of other sources."""
     if not path.is_file():
         raise MissingDependencyError(f"the library {path.name} is missing: {_REMEDY}.")
@@ -246,7 +255,7 @@ def load(path: Path = FILE, source: Path = SOURCE) -> ctypes.CDLL:
         loaded = ctypes.PyDLL(str(path))
         unlocked = ctypes.CDLL(str(path))
         for name, (result, *arguments) in _SIGNATURES.items():
-            function = getattr(unlocked if name in _LONG else loaded, name)
+            function = getattr(unlocked if name in _LONG_FUNCTIONS else loaded, name)
             function.restype = result
             function.argtypes = arguments
             setattr(loaded, name, function)

@@ -20,12 +20,12 @@ Array = NDArray[np.float64]
 
 _RECORDS = library.CRecord * 3  # the runs with three steps of which the last two are compared
 _FIRST_NODES = 1024  # nodes of the first buffer; a full one becomes four times as large
-FINE = 200  # touches closer than the expected contact time over this count as one
+TOUCH_RESOLUTION = 200  # touches closer than the expected contact time over this count as one
 # numbers that the march may read and write between two looks for an interrupt: some 0.1 s
 _NODES_AT_ONCE = 100_000_000
 #: Bytes of states that a run keeps; a longer one keeps those of every 2nd, 4th ... step.
-STATES = 1 << 27
-SHORTER = "shorten the duration, or use fewer contacts or anti-oscillators"
+MOST_STATE_BYTES = 1 << 27
+SHORTER_REMEDY = "shorten the duration, or use fewer contacts or anti-oscillators"
 
 
 @dataclass(eq=False)
@@ -119,11 +119,11 @@ class Buffers:
         nodes = r.max_nodes
         if r.n_nodes + 2 > nodes or r.n_events + 1 > r.max_events:
             nodes = max(4 * nodes, _FIRST_NODES)
-        limit = max(STATES // (16 * max(size, 1)), 4)
+        limit = max(MOST_STATE_BYTES // (16 * max(size, 1)), 4)
         if keep and self.arrays and r.n_states >= limit - 2:
             self.thin()
         need = 8 * nodes * (2 * m + 5) + 16 * size * min(nodes // 2, limit)
-        process.require(need, f"a run of {p} contacts", SHORTER)
+        process.require(need, f"a run of {p} contacts", SHORTER_REMEDY)
         arrays = (
             np.empty(nodes),
             np.empty((nodes, m)),
@@ -156,7 +156,7 @@ class Buffers:
         """Copy what was written into a `Run`, with `keep` also the states."""
         r = self.record
         time, force, depth, states, events = self.arrays
-        while keep and 16 * r.n_states * self.shape[2] > STATES:
+        while keep and 16 * r.n_states * self.shape[2] > MOST_STATE_BYTES:
             self.thin()
         nodes = r.n_nodes
         return Run(
@@ -191,7 +191,7 @@ class Workspace:
         self.records = _RECORDS()
         self.buffers = [Buffers(record, *self.shape) for record in self.records]
         self.renew(packed)
-        _spaces.add(self)
+        _all_spaces.add(self)
 
     @property
     def nbytes(self) -> int:
@@ -217,9 +217,9 @@ class Workspace:
 
 
 #: All workspaces, including those in use.
-_spaces: WeakSet[Workspace] = WeakSet()
+_all_spaces: WeakSet[Workspace] = WeakSet()
 #: Stored workspaces, the newest first; threads with the same bodies have one each.
-_kept: list[tuple[Key, Workspace]] = []
+_stored_spaces: list[tuple[Key, Workspace]] = []
 #: Number of stored workspaces at most, and the size in bytes of the largest one.
 _MOST_KEPT = 8
 _LARGEST_KEPT = 1 << 23
@@ -227,11 +227,11 @@ _LARGEST_KEPT = 1 << 23
 
 def take_space(packed: PackedSystem) -> Workspace:
     """A workspace for a system, with stored step responses of its bodies if there are any."""
-    for entry in _kept.copy():
+    for entry in _stored_spaces.copy():
         if entry[0] == packed.key and _take_entry(entry):
             return entry[1]
-    if len(_spaces) >= _MOST_KEPT:
-        oldest = _kept[-1:]
+    if len(_all_spaces) >= _MOST_KEPT:
+        oldest = _stored_spaces[-1:]
         if oldest and _take_entry(oldest[0]) and oldest[0][1].fits(packed):
             oldest[0][1].renew(packed)
             return oldest[0][1]
@@ -241,7 +241,7 @@ def take_space(packed: PackedSystem) -> Workspace:
 def _take_entry(entry: tuple[Key, Workspace]) -> bool:
     """Remove a workspace from the store; False if another thread was faster."""
     try:
-        _kept.remove(entry)
+        _stored_spaces.remove(entry)
     except ValueError:
         return False
     return True
@@ -250,8 +250,8 @@ def _take_entry(entry: tuple[Key, Workspace]) -> bool:
 def return_space(packed: PackedSystem, space: Workspace) -> None:
     """Return a workspace to the store for later runs."""
     if space.nbytes <= _LARGEST_KEPT:
-        _kept.insert(0, (packed.key, space))
-        del _kept[_MOST_KEPT:]
+        _stored_spaces.insert(0, (packed.key, space))
+        del _stored_spaces[_MOST_KEPT:]
 
 
 def check_status(status: int) -> None:

@@ -1,6 +1,7 @@
 """The system that the march integrates: modes, rows, contacts, and their state at the start.
 
-`posed` makes a `System` of bodies side by side, `PackedSystem` the C structure of a `System`.
+`system_of_bodies` makes a `System` of bodies side by side, `PackedSystem` the C structure of a
+`System`.
 """
 
 from __future__ import annotations
@@ -26,11 +27,13 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 #: A contact as the march takes it, `aom_contact`.
-CONTACT = cast("np.dtype[np.void]", np.dtype(library.CContact))
+CONTACT_RECORD = cast("np.dtype[np.void]", np.dtype(library.CContact))
 #: ctypes keeps this type as long as it is referred to; to make it anew takes 50 µs.
-_ONE = library.CContact * 1
+_ONE_CONTACT = library.CContact * 1
 _START_TIME = np.zeros(1)  # the one time of loads that are constant
-SLOWEST = 1e-4  # of the closing speed that is expected: what begins more slowly begins at rest
+SLOWEST_SHARE = (
+    1e-4  # of the closing speed that is expected: what begins more slowly begins at rest
+)
 
 
 def stretch_energy(quadratic: Array, cubic: Array, a: Array) -> Array:
@@ -72,8 +75,8 @@ class System:
     loads: Array
     offsets: Array
     laws: Sequence[ContactLaw]  # p contact laws
-    #: (p,) numbers of the contacts (`CONTACT`), which the properties `slip` to `pressed` read and
-    #: write; the law is set when the march takes them
+    #: (p,) numbers of the contacts (`CONTACT_RECORD`), which the properties `slip` to `pressed`
+    #: read and write; the law is set when the march takes them
     contacts: NDArray[np.void]
     #: q, v: (J,) initial state
     q: Array
@@ -196,7 +199,7 @@ class System:
     @property
     def slowest(self) -> Array:
         """Least closing speeds (p,) [m/s] from which damped laws take their damping."""
-        return np.maximum(SLOWEST * self.speed, self.least_speed)
+        return np.maximum(SLOWEST_SHARE * self.speed, self.least_speed)
 
     def stretch_energy(self, q: Array) -> Array:
         """Second-order strain energy (n,) [J] at modal displacements q (n, J)."""
@@ -221,8 +224,8 @@ class System:
 
         contact.expected_depth = estimate.depth
         contact.expected_speed = estimate.speed
-        contact.slowest = max(SLOWEST * estimate.speed, self.least_speed)
-        self.contacts = np.frombuffer(cast("bytes", packed.contacts), CONTACT)
+        contact.slowest = max(SLOWEST_SHARE * estimate.speed, self.least_speed)
+        self.contacts = np.frombuffer(cast("bytes", packed.contacts), CONTACT_RECORD)
         return float(estimate.time)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -246,7 +249,7 @@ def side_by_side(sizes: Iterable[int]) -> list[slice]:
     return list(starmap(slice, pairwise(accumulate(sizes, initial=0))))
 
 
-def posed(
+def system_of_bodies(
     bodies: Sequence[BodyModes],
     laws: Sequence[ContactLaw],
     R: Array,
@@ -275,7 +278,7 @@ def posed(
         if body.load is not None:
             loads[0, span] = body.load
 
-    contacts = np.zeros(len(laws), CONTACT)
+    contacts = np.zeros(len(laws), CONTACT_RECORD)
     contacts["first_tangential"] = m
     times = _START_TIME, loads, gaps
     return System(omega, decay, beta, R, *times, laws, contacts, q, v, first=first)
@@ -312,7 +315,7 @@ class PackedSystem:
         self.contacts = (library.CContact * p).from_buffer_copy(cast("bytes", s.contacts))
         for contact, (law, _) in zip(self.contacts, self.laws, strict=True):
             contact.law = law
-            contact.slowest = max(SLOWEST * contact.expected_speed, s.least_speed)
+            contact.slowest = max(SLOWEST_SHARE * contact.expected_speed, s.least_speed)
 
         self.states = [] if s.contact_states is None else self._continued(s.contact_states, s.laws)
         self.tensors = [np.ascontiguousarray(x) for x in (s.quadratic, s.cubic) if x is not None]

@@ -25,7 +25,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import FieldsRepr
 from antiosc.engine.contact import Gonthier, Hertz
-from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, ball, density_of, matter_of
+from antiosc.engine.contact.surfaces import RIGID_MATTER, Matter, Surface, ball, density_of, matter_of
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body, LinearBody, ModelInfo, checked_body, info_of
 from antiosc.models.modal import ModalBody, SiteModes, unchecked_body
@@ -220,7 +220,7 @@ class Obstacle(FieldsRepr, Body):
 
     def surface(self, site: str = "") -> Surface | None:
         """A rigid plane."""
-        return Surface(RIGID)
+        return Surface(RIGID_MATTER)
 
     def modal(self) -> ModalBody:
         return _NO_MODES

@@ -16,7 +16,7 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotConvergedError
 from antiosc.engine import library
-from antiosc.engine.contact.stepping import Contacts, Ends
+from antiosc.engine.contact.stepping import Contacts, StepEnd
 from antiosc.engine.march import Converged, Run, difference
 from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
@@ -102,7 +102,7 @@ def fixed_steps(s: System, step: float, duration: float, settings: Settings) -> 
 
     contacts = Contacts(s.laws, s.R, s.closed.tolist(), s.slowest)
     q, v, force = s.q, s.v, np.asarray(s.pressed, dtype=float)
-    end = Ends(force, s.beta @ q - gaps[0] - s.R @ force, s.beta @ v)
+    end = StepEnd(force, s.beta @ q - gaps[0] - s.R @ force, s.beta @ v)
     nodes = [(end.force, end.delta, q, v)]
     status = library.DONE
 

@@ -29,7 +29,7 @@ from antiosc.base.texts import COMPLETED, INEXACT, STOPPED, TOUCHING, percent
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.equilibrium import set_initial_forces
-from antiosc.engine.march import FINE, Converged, solve
+from antiosc.engine.march import TOUCH_RESOLUTION, Converged, solve
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.bodies import Impactor, Obstacle
 from antiosc.impact.histories import History, SceneHistory, Source
@@ -305,7 +305,7 @@ def integrate_exact(
     max_steps: int,
 ) -> Converged:
     """The exact method, refined until two runs agree, or one run with a step [s] in contact."""
-    fine = assembly.contact_time_estimate / FINE if step is None else step / 4
+    fine = assembly.contact_time_estimate / TOUCH_RESOLUTION if step is None else step / 4
     steps = (tol, 0.0, 0.0, fine) if step is None else (GIVEN_STEP_SHARE, 0.0, step, fine)
     limits = max_contacts, max_steps, 0 if step is None else 1
     run, found = solve(assembly.system, library.COptions(duration, *steps, *limits))

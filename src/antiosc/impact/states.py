@@ -35,9 +35,9 @@ def record_of(run: Run) -> tuple[library.CRecord, list[Array]]:
 
 
 def contact_intervals(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
-    """Intervals (`library.TOUCH`) of contact c of some length, and whether it ends closed."""
+    """Intervals (`TOUCH_RECORD`) of contact c of some length, and whether it ends closed."""
     record, _ = record_of(run)
-    touches = np.empty(len(run.events) + 1, library.TOUCH)
+    touches = np.empty(len(run.events) + 1, library.TOUCH_RECORD)
     goes_on = c_int()
     closed = bool(system.closed[c])
     count = library.library.aom_touches(
@@ -55,7 +55,7 @@ def main_contact_time(contacts: Iterable[tuple[float, float, float]]) -> float:
     them is shorter than the impact before it; the main impact has the largest impulse.
     """
     rows = [(a, b, 0.0, impulse, 0.0, 0, 0) for a, b, impulse in contacts]
-    touches = np.array(rows, library.TOUCH)
+    touches = np.array(rows, library.TOUCH_RECORD)
     return float(library.library.aom_main_impact(touches.size, library.address(touches)))
 
 

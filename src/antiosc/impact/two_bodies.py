@@ -18,7 +18,7 @@ from antiosc.base.errors import AccuracyError, InputError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.base import Compiled, is_compiled
-from antiosc.engine.system import CONTACT, BodyModes, System, posed
+from antiosc.engine.system import CONTACT_RECORD, BodyModes, System, system_of_bodies
 from antiosc.impact.assembly import Assembly, without_patch
 from antiosc.impact.bodies import (
     Obstacle,
@@ -81,7 +81,9 @@ class Pair(NamedTuple):
         ]
         coupled = any(one.damping is not None for one in modes)
         first = stacked_first_order(pair) if coupled else None
-        return posed(bodies, [law], np.array([[modes[0].r + modes[1].r]]), gap, first=first)
+        return system_of_bodies(
+            bodies, [law], np.array([[modes[0].r + modes[1].r]]), gap, first=first
+        )
 
 
 def check_span(system: System, duration: float) -> None:
@@ -256,7 +258,7 @@ class ImpactRows:
             raise InputError("damping that couples modes is integrated one by one.")
         check_span(system, max(durations))
 
-        contacts = _copies(system.packed.contacts, CONTACT, count)
+        contacts = _copies(system.packed.contacts, CONTACT_RECORD, count)
         contacts["mass"] = self.pair.mass
 
         if any(law is not self.laws[0] for law in self.laws):

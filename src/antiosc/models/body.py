@@ -444,9 +444,9 @@ def is_auto(contact: object) -> TypeGuard[Literal["auto"]]:
 
 def choice_at_sites(first: object, second: object, sites: tuple[str, str] = ("", "")) -> Choice:
     """The choice of a contact law by the surfaces of two bodies; InputError if one is unknown."""
-    from antiosc.engine.contact.choice import choose  # loaded where it is used
+    from antiosc.engine.contact.choice import choose_law  # loaded where it is used
 
-    return choose(_surface(first, sites[0]), _surface(second, sites[1]))
+    return choose_law(_surface(first, sites[0]), _surface(second, sites[1]))
 
 
 def piercing_warning(first: object, second: object, sites: tuple[str, str] = ("", "")) -> str:

@@ -33,7 +33,7 @@ from antiosc.base.process import one_thread
 from antiosc.base.progress import counting, doing
 from antiosc.base.texts import engineering, percent, point_text as placed
 from antiosc.engine.contact import ContactLaw, ElasticPlastic
-from antiosc.engine.contact.curvature import SHARP
+from antiosc.engine.contact.curvature import SHARP_KINDS
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.platform import collective, on_root, raise_on_all
 from antiosc.fem.structure.structure import Structure, refuse_dampers
@@ -277,7 +277,7 @@ def _laws(
                 laws.append(plane)
                 hollow[i] = True
             if of_site is not None:
-                sharp[i] = of_site.kind in SHARP
+                sharp[i] = of_site.kind in SHARP_KINDS
                 pierced[i] = striker is not None and second_contact_of(of_site, striker) is not None
             ready(i + 1)
 

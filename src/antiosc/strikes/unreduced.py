@@ -18,7 +18,7 @@ from antiosc.base.clock import clock
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.texts import plain
 from antiosc.engine.contact import ContactLaw
-from antiosc.engine.contact.stepping import Contacts, Ends
+from antiosc.engine.contact.stepping import Contacts, StepEnd
 from antiosc.fem.linalg.algebra import dot, multiply, sum_of
 from antiosc.fem.linalg.solver import FACTOR_ENTRY_BYTES, Factorization, seconds_of_steps
 from antiosc.fem.linalg.solver_choice import factorize, forecast_of
@@ -156,7 +156,7 @@ def _integrated(blow: Blow, A: Factorization) -> Curve:
     alpha = np.array([[float(dot(comm, blow.b, flexibility)) + by_force]])
     alpha_rate = 2 / h * alpha
     contacts = Contacts([blow.law], np.zeros((1, 1)), [False], [0.0])
-    end = Ends(np.zeros(1), np.array([-blow.gap]), np.array([blow.speed]))
+    end = StepEnd(np.zeros(1), np.array([-blow.gap]), np.array([blow.speed]))
     ends = [end]
 
     u, v, a = np.zeros((3, len(blow.b)))

@@ -24,7 +24,7 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
 from antiosc.base.texts import engineering
 from antiosc.engine.contact.curvature import CURVED, LINE, PLANE
-from antiosc.engine.contact.surfaces import RIGID, Matter
+from antiosc.engine.contact.surfaces import RIGID_MATTER, Matter
 from antiosc.models.modal import as_damping
 from antiosc_studies.drops.free_body import FreeBody
 from antiosc_studies.drops.skin import THIN, Skin, hull, skin_of
@@ -82,7 +82,7 @@ def _rigid(
     """A body without modes whose points have a radius [m]; without a material it is rigid."""
     count = len(points)
     empty = np.zeros(0)
-    materials = np.full(count, matter or RIGID, dtype=object)
+    materials = np.full(count, matter or RIGID_MATTER, dtype=object)
     extent = float(np.linalg.norm(np.ptp(points, axis=0))) or float(np.abs(points).max())
     points_data = np.full(count, ball), np.full((count, 2), radius), materials
     modes = empty, empty, np.zeros((count, 0, 3))

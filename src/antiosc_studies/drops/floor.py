@@ -14,9 +14,9 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
-from antiosc.engine.contact.choice import Choice, choose
+from antiosc.engine.contact.choice import Choice, choose_law
 from antiosc.engine.contact.curvature import CURVED
-from antiosc.engine.contact.surfaces import RIGID, Surface, matter_of
+from antiosc.engine.contact.surfaces import RIGID_MATTER, Surface, matter_of
 from antiosc_studies.drops.crushed import law_of_corner
 from antiosc_studies.drops.free_body import FreeBody, State
 
@@ -131,7 +131,7 @@ class Floor(FieldsRepr):
     @cached_property
     def face(self) -> Surface:
         """The flat face of the floor's material."""
-        return Surface(matter_of(self.material) or RIGID)
+        return Surface(matter_of(self.material) or RIGID_MATTER)
 
 
 def as_floor(floor: object) -> Floor:
@@ -189,7 +189,7 @@ def choice_of(floor: Floor, surface: Surface) -> Choice:
             "layer or a law."
         )
 
-    return choose(surface, floor.face, floor.restitution)
+    return choose_law(surface, floor.face, floor.restitution)
 
 
 def surface_at(body: FreeBody, which: int) -> Surface:

@@ -17,7 +17,7 @@ from antiosc import SceneHistory
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, without_warnings
 from antiosc.base.texts import COMPLETED, STOPPED
-from antiosc.engine.march import FINE, Run, run as march_once
+from antiosc.engine.march import TOUCH_RESOLUTION, Run, run as march_once
 from antiosc.engine.system import System
 from antiosc.extension import check_range, integrate_exact
 from antiosc.impact.assembly import Assembly
@@ -259,7 +259,7 @@ def run_once(
         duration,
         share,
         scale=scale,
-        fine=assembly.contact_time_estimate / FINE,
+        fine=assembly.contact_time_estimate / TOUCH_RESOLUTION,
         max_contacts=LIMITS[0],
         max_steps=LIMITS[1],
     )

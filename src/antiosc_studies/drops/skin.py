@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.engine.contact.surfaces import RIGID, isotropic
+from antiosc.engine.contact.surfaces import RIGID_MATTER, isotropic
 
 if TYPE_CHECKING:
     from antiosc import Structure
@@ -42,7 +42,7 @@ class Skin:
     curvatures: Array  # (P, 2) principal curvatures [1/m], > 0 where the surface is convex
     sharp: BoolArray  # (P,) whether the vertex lies on an edge or a corner
     sizes: Array  # (P,) mean length of the element edges there [m]
-    materials: Materials  # (P,) the `Matter` there; `RIGID` if it is unknown
+    materials: Materials  # (P,) the `Matter` there; `RIGID_MATTER` if it is unknown
     half: Array  # (P,) half the thickness of a sheet [m]; 0 for a solid
     triangles: IntArray  # (T, 3) between the points
 
@@ -132,7 +132,7 @@ def points_skin(points: Array) -> Skin:
     zeros = np.zeros((len(points), 3))
     sharp = np.ones(len(points), dtype=bool)
     triangles = np.zeros((0, 3), dtype=int)
-    unknown = np.full(len(points), RIGID, dtype=object)
+    unknown = np.full(len(points), RIGID_MATTER, dtype=object)
     return Skin(points, zeros, zeros[:, :2], sharp, zero, unknown, zero, triangles)
 
 

@@ -12,7 +12,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.engine import library
-from antiosc.engine.march import FINE, solve
+from antiosc.engine.march import TOUCH_RESOLUTION, solve
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.states import forces, locate
 
@@ -52,7 +52,7 @@ def values_of(goal: Goal, assembly: Assembly, tol: float) -> Values:
 
 
 def _history(assembly: Assembly, until: float, tol: float) -> History:
-    fine = assembly.contact_time_estimate / FINE
+    fine = assembly.contact_time_estimate / TOUCH_RESOLUTION
     options = library.COptions(until, tol, 0.0, 0.0, fine, 10_000, 1_000_000, 1)
     run, solution = solve(assembly.system, options)
 

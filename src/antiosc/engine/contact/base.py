@@ -45,7 +45,7 @@ State = tuple[float, ...]
 #: Share of a force within which rounding may keep its iteration from settling.
 FORCE_ROUNDING = 1e-9
 #: Ratio of two radii that are tried for a patch that carries a force, and how many are larger.
-RADIUS_RATIO, MOST_STEPS = 1.05, 150
+RADIUS_RATIO, MOST_RADIUS_STEPS = 1.05, 150
 #: Force that such a patch must carry over that of too small a one, whose law ends in a line: in 60
 #: impacts on a spring, up to 790 times the range, the force grew by up to 21 %.
 FORCE_MARGIN = 1.25
@@ -142,7 +142,7 @@ class ContactLaw(ABC):
             law = self.without(self.compliance / RADIUS_RATIO**power)
             return bool(law.valid_force > FORCE_MARGIN * peak)
 
-        powers = range(-MOST_STEPS, MOST_STEPS)
+        powers = range(-MOST_RADIUS_STEPS, MOST_RADIUS_STEPS)
         first = bisect_left(powers, x=True, key=carries)
 
         return None if first == len(powers) else float(RADIUS_RATIO ** powers[first] * radius)
@@ -212,7 +212,7 @@ class ContactLaw(ABC):
 
 
 #: Share of a law's own flexibility that the compliance of a patch may take.
-LARGEST_SHARE = 0.7
+LARGEST_PATCH_SHARE = 0.7
 
 _ThreeDoubles = c_double * 3
 

@@ -24,7 +24,7 @@ from math import acos, degrees, exp, inf, pi, sqrt
 from antiosc.base.errors import InputError, SiteError
 from antiosc.base.texts import engineering
 from antiosc.engine.contact.base import ContactLaw
-from antiosc.engine.contact.curvature import PLANE, SHARP
+from antiosc.engine.contact.curvature import PLANE, SHARP_KINDS
 from antiosc.engine.contact.geometry import (
     effective_modulus,
     equivalent_circle,
@@ -32,26 +32,26 @@ from antiosc.engine.contact.geometry import (
     relative_of_curvatures,
 )
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, Punch, YangSun
-from antiosc.engine.contact.surfaces import RIGID, RUBBER_E, RUBBER_NU, Matter, Surface
+from antiosc.engine.contact.surfaces import RIGID_MATTER, RUBBER_E, RUBBER_NU, Matter, Surface
 
 #: Loss factor from which a contact of a material that does not yield is damped: below it the
 #: restitution exp(-pi loss/2) is above 0.97.
-LOSSY = 0.02
+LOSSY_FACTOR = 0.02
 #: A relative curvature below this share of the other one counts as 0: the contact is a line.
 NO_CURVATURE = 1e-9
 #: Ratio of strengths from which the stronger side stays elastic: the mean pressure grows to 2.8 of
 #: the weaker strength, and a side yields at 1.07 of its own (benchmarks/elastoplastic).
-STRONGER = 2.6
+ELASTIC_STRENGTH_RATIO = 2.6
 #: The same up to about 100 yield indentations. Between 1 and this ratio the share grows as the
 #: square root: the force is within 1.5 % of finite elements at 1.2 and 1.5 (unlike.csv; within 3
-#: and 5 % for a linear growth up to `STRONGER`).
+#: and 5 % for a linear growth up to `ELASTIC_STRENGTH_RATIO`).
 STRENGTH_RATIO = 1.6
 
 #: Unknown properties (`Choice.unknown`) of contacts of flat faces, without a yield strength, of
 #: laminates.
-FLAT = "the pressure of flat faces, which are never quite parallel"
-NO_STRENGTH = "whether one side yields (give the yield strength or a material)"
-LAMINATE = "the indentation from which this laminate is damaged"
+FLAT_FACES = "the pressure of flat faces, which are never quite parallel"
+UNKNOWN_STRENGTH = "whether one side yields (give the yield strength or a material)"
+LAMINATE_DAMAGE = "the indentation from which this laminate is damaged"
 #: That of a surface that may fit into the other one by the error of its curvature on the mesh.
 UNSURE_CURVATURE = (
     "the curvature of the surface at the site is too uncertain (smaller elements around the site)"
@@ -96,7 +96,7 @@ class Choice:
 
 
 @lru_cache(maxsize=4096)
-def choose(one: Surface, other: Surface, restitution: float | None = None) -> Choice:
+def choose_law(one: Surface, other: Surface, restitution: float | None = None) -> Choice:
     """The law of the contact of two surfaces; InputError for surfaces that have none.
 
     restitution : coefficient of the contact, if it is known.
@@ -109,16 +109,16 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
         )
 
     first, *other_elastic = elastic
-    second = other_elastic[0] if other_elastic else RIGID
+    second = other_elastic[0] if other_elastic else RIGID_MATTER
     modulus = effective_modulus(first.E, first.nu, second.E, second.nu)
-    A, B = relative_of_curvatures(one.curvatures, other.curvatures, _angle(one, other))
+    A, B = relative_of_curvatures(one.curvatures, other.curvatures, _axes_angle(one, other))
     uncertain = sum(surface.error for surface in (one, other) if any(surface.curvatures))
     doubt = _unknown_property(one, other)
     straight = all(0.0 in surface.curvatures for surface in (one, other))
     if B <= 0 or A < -NO_CURVATURE * B or (A <= NO_CURVATURE * B and not straight):
         if one.kind == other.kind == PLANE:
             return _punch_choice(one, other, modulus)
-        raise SiteError(_in_a_hollow(one, other))
+        raise SiteError(_hollow_reason(one, other))
     if A <= NO_CURVATURE * B:
         raise InputError(
             "the surfaces touch along a line: give the law of the contact, such as Tabulated."
@@ -139,9 +139,11 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
     laminate = next((m for m in materials if m.critical is not None), None)
     if laminate is not None and laminate.critical is not None:
         stiffness = hertz_stiffness(modulus, A, B)
-        return Choice(YangSun(stiffness, laminate.critical), f"a laminate{shape}", None, LAMINATE)
+        return Choice(
+            YangSun(stiffness, laminate.critical), f"a laminate{shape}", None, LAMINATE_DAMAGE
+        )
 
-    if restitution is None and first.brittle and first.loss >= LOSSY:
+    if restitution is None and first.brittle and first.loss >= LOSSY_FACTOR:
         restitution = exp(-pi * first.loss / 2)
 
     if restitution is not None and restitution < 1:
@@ -157,7 +159,7 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
     return at_point(law, f"elastoplastic{shape}", soft, doubt, shares, circle.error)
 
 
-def _in_a_hollow(one: Surface, other: Surface) -> str:
+def _hollow_reason(one: Surface, other: Surface) -> str:
     """Why two surfaces that fit into each other have no law, and what can be done."""
     deepest = min(surface.curvatures[0] for surface in (one, other))
     remedy = "give the law of the contact (its kind and stiffness)"
@@ -188,13 +190,13 @@ def _elastic_share(
     """
     largest_share = 0.0 if other.rigid else (1 - other.nu**2) / other.E * modulus
     ratio = _strength(other) / _strength(soft)
-    if largest_share == 0.0 or ratio >= STRONGER:
+    if largest_share == 0.0 or ratio >= ELASTIC_STRENGTH_RATIO:
         return largest_share, None
     share = largest_share * min(sqrt((ratio - 1) / (STRENGTH_RATIO - 1)), 1.0)
     return share, (0.0, largest_share) if ratio > 1 else None
 
 
-def _angle(first: Surface, second: Surface) -> float:
+def _axes_angle(first: Surface, second: Surface) -> float:
     """Angle in degrees between the first principal directions of both surfaces; 0 if unknown."""
     if first.along is None or second.along is None:
         return 0.0
@@ -205,18 +207,18 @@ def _angle(first: Surface, second: Surface) -> float:
 def _unknown_property(first: Surface, second: Surface) -> str:
     """Text: the unknown property on which the error of a law depends; "" if all are known."""
     for surface in (first, second):
-        if surface.kind in SHARP:
+        if surface.kind in SHARP_KINDS:
             radius = 1e3 / surface.curvatures[1]
             return f"the radius of the {surface.kind}, taken as {radius:.3g} mm (give a radius)"
 
     if not (first.matter.known and second.matter.known):
-        return NO_STRENGTH
+        return UNKNOWN_STRENGTH
     return ""
 
 
 def lacks_strength(choice: Choice) -> bool:
     """Whether the law depends on a yield strength that is not known."""
-    return choice.unknown == NO_STRENGTH
+    return choice.unknown == UNKNOWN_STRENGTH
 
 
 def _punch_choice(first: Surface, second: Surface, modulus: float) -> Choice:
@@ -232,7 +234,7 @@ def _punch_choice(first: Surface, second: Surface, modulus: float) -> Choice:
         )
 
     reason = f"flat faces over a radius of {engineering(min(sizes), 'm')}"
-    return Choice(Punch(2 * modulus * min(sizes)), reason, None, FLAT)
+    return Choice(Punch(2 * modulus * min(sizes)), reason, None, FLAT_FACES)
 
 
 def elastic_pressure(law: ElasticPlastic, depth: float) -> float:

@@ -17,7 +17,7 @@ CURVED = "curved"
 EDGE = "edge"
 CORNER = "corner"
 #: Kinds without a curvature, whose radius must be given.
-SHARP = EDGE, CORNER
+SHARP_KINDS = EDGE, CORNER
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -13,7 +13,7 @@ from antiosc.engine.contact.laws import ElasticPlastic, Hysteretic
 
 #: Indentation over that at first yield, and radius² of the rim of the dent over that times R
 #: (benchmarks/elastoplastic/small_strain.csv; the volume is π/2 depth radius² within 5 % there).
-RIM_RADII = ((1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0), (1.0, 1.2, 1.27, 1.42, 1.62, 1.75, 1.84))
+RIM_TABLE = ((1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0), (1.0, 1.2, 1.27, 1.42, 1.62, 1.75, 1.84))
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,4 +61,4 @@ def dent_of(law: ContactLaw, deepest: float) -> Dent | None:
 def rim_radius(law: ElasticPlastic, deepest: float) -> float:
     """Radius [m] of the contact at a deepest indentation [m]: the rim of its dent."""
     x = deepest / law.yield_indentation
-    return sqrt(float(np.interp(log(x), np.log(RIM_RADII[0]), RIM_RADII[1])) * law.radius * deepest)
+    return sqrt(float(np.interp(log(x), np.log(RIM_TABLE[0]), RIM_TABLE[1])) * law.radius * deepest)

@@ -21,9 +21,9 @@ from antiosc.base.texts import ReprMixin
 Radii = float | tuple[float, float]
 #: Coefficients of log (b/a)^2 in powers of log B/A, a start for the iteration that is within 0.006
 #: up to B/A = 300.
-SLENDER = (-1.3498, 0.01943)
+SLENDER_COEFFICIENTS = (-1.3498, 0.01943)
 #: Relative change at which the iteration ends: some rounding errors.
-SETTLED = 1e-12
+SETTLED_CHANGE = 1e-12
 #: Plastic pressure of a line over that of a ball, less 1.
 LINE_PRESSURE = 0.06
 
@@ -74,7 +74,7 @@ def hertz_stiffness(E_star: float, A: float, B: float) -> float:
     return float(2 * pi * E_star / 3 * sqrt(D / A) / K**1.5)
 
 
-class Circle(NamedTuple):
+class EquivalentCircle(NamedTuple):
     """The circular contact in place of an elliptic one; `error`: relative, of its force."""
 
     modulus: float
@@ -82,7 +82,7 @@ class Circle(NamedTuple):
     error: float
 
 
-def equivalent_circle(E_star: float, A: float, B: float) -> Circle:
+def equivalent_circle(E_star: float, A: float, B: float) -> EquivalentCircle:
     """The circular contact with the stiffness and, at each indentation, the pressure of an ellipse.
 
     So it yields where the ellipse does, except for slender ellipses, and has its area,
@@ -92,13 +92,13 @@ def equivalent_circle(E_star: float, A: float, B: float) -> Circle:
     finite elements it is 1 and 4 % for B/A = 3 and 10 (measured).
     """
     if A == B:
-        return Circle(E_star, 1 / (2 * A), 0.0)
+        return EquivalentCircle(E_star, 1 / (2 * A), 0.0)
     m1, D, K = _ellipse(B / A)
     stiffness = 2 * pi * E_star / 3 * sqrt(D / A) / K**1.5
     pressure = E_star * sqrt(A / (K * D * m1))  # over the root of the indentation
     radius = 1.5 * stiffness / (pi * pressure)
     error = 1 - radius * 2 * sqrt(A * B) + LINE_PRESSURE * (1 - sqrt(m1))
-    return Circle(0.75 * stiffness / sqrt(radius), radius, error)
+    return EquivalentCircle(0.75 * stiffness / sqrt(radius), radius, error)
 
 
 def _ellipse(ratio: float) -> tuple[float, float, float]:
@@ -106,14 +106,14 @@ def _ellipse(ratio: float) -> tuple[float, float, float]:
     log_ratio = log(ratio)
     if log_ratio <= 1e-12:
         return _integrals(1.0)
-    y = (SLENDER[0] + SLENDER[1] * log_ratio) * log_ratio
+    y = (SLENDER_COEFFICIENTS[0] + SLENDER_COEFFICIENTS[1] * log_ratio) * log_ratio
     integrals = 1.0, 1.0, 1.0
     for _ in range(50):
         integrals = m1, D, K = _integrals(exp(y))
         slope_of_K = (K - D) / m1  # twice dK/dm, m = 1 - m1; 2 m dD/dm = rises - D
         slope = 1.5 - K * (slope_of_K - D) / (1 - m1) / (2 * D * slope_of_K)
         step = (log(slope_of_K / D) - log_ratio) / slope
-        if abs(step) <= SETTLED:
+        if abs(step) <= SETTLED_CHANGE:
             break
         y += step
 
@@ -152,15 +152,15 @@ def _curvatures(name: str, radii: Radii) -> tuple[float, float]:
 
 
 #: Least distance from the axis over the radius: the formulas divide by it.
-AXIS = 1e-4
+LEAST_AXIS_DISTANCE = 1e-4
 #: Least depth over the radius: at the edge of the circle the formulas divide by 0 on the surface.
-SURFACE = 1e-8
+LEAST_DEPTH = 1e-8
 
 
 def hertz_stresses(force: float, radius: float, nu: float, r: Array, z: Array) -> Array:
     """Stresses [Pa] rr, tt, zz, rz (4, …) at r and depths z [m] under Hertz's pressure."""
     a = radius
-    r, z = np.maximum(r, AXIS * a), np.maximum(z, SURFACE * a)
+    r, z = np.maximum(r, LEAST_AXIS_DISTANCE * a), np.maximum(z, LEAST_DEPTH * a)
     beyond = r**2 + z**2 - a**2
     root = np.hypot(beyond, 2 * a * z)
     inside = beyond < 0
@@ -187,7 +187,7 @@ def von_mises(stresses: Array) -> Array:
 
 
 #: Depths over the contact radius at which the shear stress is looked at.
-DEPTHS = np.linspace(0.01, 2.0, 4000)
+SAMPLED_DEPTHS = np.linspace(0.01, 2.0, 4000)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -263,7 +263,7 @@ def contact_stress(
 
     a = (0.75 * force / (curvature * modulus)) ** (1 / 3)
     pressure = 1.5 * force / (np.pi * a**2)
-    rr, _, zz, _ = hertz_stresses(force, a, nu, np.zeros(DEPTHS.size), a * DEPTHS)
+    rr, _, zz, _ = hertz_stresses(force, a, nu, np.zeros(SAMPLED_DEPTHS.size), a * SAMPLED_DEPTHS)
     shear = np.abs(zz - rr) / 2
     k = int(np.argmax(shear))
 
@@ -271,6 +271,6 @@ def contact_stress(
         radius=float(a),
         pressure=float(pressure),
         shear=float(shear[k]),
-        depth=float(DEPTHS[k] * a),
+        depth=float(SAMPLED_DEPTHS[k] * a),
         tension=float((1 - 2 * nu) / 3 * pressure),
     )

@@ -38,7 +38,7 @@ from antiosc.base.checks import checked_by
 from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering
 from antiosc.engine import library
-from antiosc.engine.contact.base import LARGEST_SHARE, Compiled
+from antiosc.engine.contact.base import LARGEST_PATCH_SHARE, Compiled
 from antiosc.engine.contact.geometry import (
     Radii,
     effective_modulus,
@@ -118,7 +118,11 @@ class Punch(Patched, Linear):
     """Law of a rigid punch on a half-space, which keeps a compliance above 0.7 of 1/stiffness."""
 
     def without(self, compliance: float) -> Self:
-        return self if compliance * self.stiffness > LARGEST_SHARE else super().without(compliance)
+        return (
+            self
+            if compliance * self.stiffness > LARGEST_PATCH_SHARE
+            else super().without(compliance)
+        )
 
 
 @dataclass(frozen=True, repr=False)
@@ -149,7 +153,7 @@ class Hertz(Compiled):
 
     kind: ClassVar[int] = library.HERTZ
     #: rho at which the law with a compliance ends
-    END: ClassVar[float] = LARGEST_SHARE
+    END: ClassVar[float] = LARGEST_PATCH_SHARE
 
     @checks.within_range
     def __post_init__(self) -> None:
@@ -331,7 +335,7 @@ def yield_factor(nu: float) -> float:
 #: Errors of `ElasticPlastic` at indentations over that at yield, of force and of restitution: the
 #: largest that benchmarks/elastoplastic/compare.py prints, rounded up; beyond 300 a guess. Without
 #: hardening they are 0.007 to 0.037 and 0.003 to 0.017; the rest is hardening by E/50.
-MEASURED_AT = (1, 3, 10, 30, 100, 300, 1e4)
+MEASURED_INDENTATIONS = (1, 3, 10, 30, 100, 300, 1e4)
 MEASURED_ERRORS = (
     (0.007, 0.008, 0.013, 0.028, 0.075, 0.15, 0.4),
     (0.003, 0.006, 0.012, 0.023, 0.045, 0.066, 0.2),
@@ -415,7 +419,9 @@ class ElasticPlastic(Hysteretic):
         if depth <= self.yield_indentation:
             return 0.0, 0.0
         x = log(depth / self.yield_indentation)
-        force, restitution = (np.interp(x, np.log(MEASURED_AT), row) for row in MEASURED_ERRORS)
+        force, restitution = (
+            np.interp(x, np.log(MEASURED_INDENTATIONS), row) for row in MEASURED_ERRORS
+        )
         strain = depth / self.radius
         of_force, of_restitution = STRAIN_ERRORS
         return float(force) + of_force * strain, float(restitution) + of_restitution * strain

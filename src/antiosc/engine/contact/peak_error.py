@@ -9,7 +9,7 @@ from antiosc.engine.contact.choice import Choice
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz
 
 #: Strain under a ball over a/R (D. Tabor, The Hardness of Metals, Oxford 1951).
-TABOR = 0.2
+TABOR_STRAIN = 0.2
 #: Relative change of Hertz's force by large strains over the root of indentation by radius, and the
 #: range of this ratio in which it holds: a rigid sphere on an elastic half-space (nu = 0.3) has
 #: 3.8, 5.4, 6.7, 7.9 and 11.5 % less force at 0.01, 0.02, 0.04, 0.05 and 0.1, with 1.5 % of it by
@@ -50,7 +50,7 @@ def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | N
 def error_of_law(choice: Choice, peak: float) -> float:
     """Relative error of a peak force [N] by its law, without that of the yield strength."""
     law = choice.law
-    factors = by_strain(choice, _strain(choice, peak))
+    factors = stiffness_factors(choice, _strain(choice, peak))
     error = choice.by_curvature
     error += max((abs(factor**HERTZ_POWER - 1) for factor in factors), default=0.0)
     if isinstance(law, ElasticPlastic) and choice.soft is not None and peak > law.yield_force:
@@ -95,7 +95,7 @@ def largest_strain(choice: Choice) -> float:
     return LARGEST_BALL_STRAIN if choice.soft_ball else LARGEST_STRAIN
 
 
-def by_strain(choice: Choice, strain: float) -> tuple[float, ...]:
+def stiffness_factors(choice: Choice, strain: float) -> tuple[float, ...]:
     """Least and largest factor on the stiffness by large strains; () if they have no effect.
 
     strain : indentation over the radius.
@@ -111,7 +111,7 @@ def by_strain(choice: Choice, strain: float) -> tuple[float, ...]:
 
 def mean_strain_rate(law: ElasticPlastic, depth: float, contact_time: float) -> float:
     """Mean strain rate [1/s] of a contact with the largest indentation `depth` [m]."""
-    return 2 * TABOR * sqrt(depth / law.radius) / contact_time
+    return 2 * TABOR_STRAIN * sqrt(depth / law.radius) / contact_time
 
 
 def _strain(choice: Choice, peak: float) -> float:

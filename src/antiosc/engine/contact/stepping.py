@@ -15,7 +15,7 @@ SWEEP_TOL = 1e-13  # change of a force in a sweep, relative to the largest
 MOST_SWEEPS = 500
 
 
-class Ends(NamedTuple):
+class StepEnd(NamedTuple):
     """Forces, indentations and their rates (m,) at the end of a step."""
 
     force: Array
@@ -70,8 +70,8 @@ class Contacts:
         self.events.append((t, c, 0, 0.0))
 
     def end_of_step(
-        self, t: float, h: float, last: Ends, free: Array, speed: Array, A: Array, A_rate: Array
-    ) -> Ends:
+        self, t: float, h: float, last: StepEnd, free: Array, speed: Array, A: Array, A_rate: Array
+    ) -> StepEnd:
         """Forces, indentations and rates at the end of a step of length h [s] from t [s].
 
         last : those at its start; free, speed : (m,) indentations and rates at its end without
@@ -85,7 +85,7 @@ class Contacts:
 
         rate = speed + self.R @ last.force / h
         F = self.forces(free, A, rate, A_rate)
-        end = Ends(F, free - A @ F, rate - A_rate @ F)
+        end = StepEnd(F, free - A @ F, rate - A_rate @ F)
 
         for c in np.flatnonzero(self.closed).tolist():
             moved = float(end.delta[c]), float(end.rate[c])

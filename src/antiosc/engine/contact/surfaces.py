@@ -65,7 +65,7 @@ class Matter:
         return low, max(high, materials.strength_at(self.rate, slow_strength, strain_rate))
 
 
-RIGID = Matter(inf)
+RIGID_MATTER = Matter(inf)
 
 
 def crack_note(sides: Iterable[Matter]) -> str:

@@ -270,7 +270,7 @@ class CCurved(Structure):
 
 
 #: The functions of the library, which `antiosc.engine.library` has checked.
-kernels = ctypes.CDLL(str(library.FILE))
+kernels = ctypes.CDLL(str(library.LIBRARY_FILE))
 
 for _cells in (StraightCells, CurvedCells):
     for _precision, _real in (("double", c_double), ("float", c_float)):

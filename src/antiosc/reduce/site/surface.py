@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
-from antiosc.engine.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE, SHARP, Curvature
+from antiosc.engine.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE, SHARP_KINDS, Curvature
 from antiosc.engine.contact.surfaces import Matter, Surface, isotropic
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.elements.beam import Beam
@@ -415,7 +415,7 @@ def surface_of(matrices: MeshedParts, place: Place, radius: float | None) -> Sur
         return Surface(matter, (0.0, bent), kind=LINE, radius=radius)
 
     curved = _curvature(place)
-    if curved.kind in SHARP:
+    if curved.kind in SHARP_KINDS:
         bent = 1 / min(CORNER_RADIUS, matrices.dimensions[2] / 4)
         return Surface(matter, (bent, bent), kind=curved.kind, radius=radius)
 
