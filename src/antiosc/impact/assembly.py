@@ -20,7 +20,7 @@ from antiosc.base.errors import InputError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.law_tables import packed, raise_error
-from antiosc.engine.system import CONTACT, System
+from antiosc.engine.system import CONTACT_RECORD, System
 from antiosc.impact import scene_parts
 from antiosc.impact.bodies import SceneBody, scene_body, stacked_first_order
 from antiosc.impact.scene_parts import Contact, SceneParts
@@ -270,7 +270,7 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     if not len(stacked.B):
         raise InputError("nothing in the scene can move: every body is an obstacle.")
 
-    rows = np.zeros(len(laws), CONTACT)
+    rows = np.zeros(len(laws), CONTACT_RECORD)
     rows["first_tangential"], rows["n_tangential"] = np.transpose(tangents)
     system = System(
         stacked.omega,

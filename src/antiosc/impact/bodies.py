@@ -25,7 +25,14 @@ from antiosc.base.errors import InputError
 from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import FieldsRepr
 from antiosc.engine.contact import Gonthier, Hertz
-from antiosc.engine.contact.surfaces import RIGID_MATTER, Matter, Surface, ball, density_of, matter_of
+from antiosc.engine.contact.surfaces import (
+    RIGID_MATTER,
+    Matter,
+    Surface,
+    ball,
+    density_of,
+    matter_of,
+)
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body, LinearBody, ModelInfo, checked_body, info_of
 from antiosc.models.modal import ModalBody, SiteModes, unchecked_body

@@ -177,7 +177,7 @@ def _materials(part: MeshedStructure) -> tuple[Materials, Array]:
     matters = np.empty(len(part.parts), dtype=object)
     half = np.zeros(len(part.parts))
     for k, (material, _) in enumerate(part.parts):
-        matters[k] = isotropic(material) or RIGID
+        matters[k] = isotropic(material) or RIGID_MATTER
 
         if part.kind.sheet:
             half[k] = 0.5 * material.section.thickness

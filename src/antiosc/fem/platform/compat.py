@@ -373,7 +373,7 @@ def assemble(
     for path, dofs in fixed.items():
         component = subspace(space, path)
         # dolfinx 0.5 would first try the Python object, and write all dofs into the error
-        component = component._cpp_object if EARLY else component
+        component = component._cpp_object if OLD_DOLFINX else component
         bcs.append(fem.dirichletbc(zero, dofs, component))
 
     total = None

@@ -21,7 +21,15 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
-from antiosc.engine.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE, SHARP_KINDS, Curvature
+from antiosc.engine.contact.curvature import (
+    CORNER,
+    CURVED,
+    EDGE,
+    LINE,
+    PLANE,
+    SHARP_KINDS,
+    Curvature,
+)
 from antiosc.engine.contact.surfaces import Matter, Surface, isotropic
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.elements.beam import Beam
