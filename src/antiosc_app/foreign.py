@@ -256,13 +256,13 @@ def _piece_sentence(read: Read, pieces: Sequence[Piece]) -> list[str]:
 def _of_deck(path: Path, options: Read, unit: str | None) -> ForeignPart:
     """Read the model of a deck; `unit`: None for the first in which its materials are real."""
     from antiosc.extension import with_parts
-    from antiosc_decks.from_deck import materials_of_deck
+    from antiosc_decks.from_deck import facts_of_deck
 
     read = dict(options)
     if read.pop("size", None) is not None:
         raise InputError(f"{path.name} keeps its elements: mesh it finer in the program it is of.")
     facts, read, pieces = _with_steel_constants(
-        partial(materials_of_deck, str(path), unit or "mm"), read, []
+        partial(facts_of_deck, str(path), unit or "mm"), read, []
     )
     pieces = facts.pieces or pieces
     taken = unit or unit_of_materials(facts.families, facts.length)

@@ -11,20 +11,30 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import Array, IntArray
-from antiosc_decks.entries import DeckPlace, Placed, real_number, whole_number
-from antiosc_decks.sources import BULK, Account, Fate, Sources, table
+from antiosc_decks.entries import DeckItem, DeckPlace, real_number, whole_number
+from antiosc_decks.sources import BULK_DATA_START, Account, Fate, Sources, fate_table
 
 #: Element rows from this number on stand for elements that are not cells (masses, springs).
-FIRST_OTHER = 2**40
+FIRST_NON_CELL_ROW = 2**40
 #: Cards whose data may be in a separate file (INPUT=).
-WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
+CARDS_WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
 #: Cards of loads, whose data may be in a file that is not there.
-LOADS = ("CLOAD", "DLOAD", "DSLOAD", "FILM", "SFILM", "RADIATE", "CFLUX", "DFLUX", "TEMPERATURE")
+LOAD_CARDS = (
+    "CLOAD",
+    "DLOAD",
+    "DSLOAD",
+    "FILM",
+    "SFILM",
+    "RADIATE",
+    "CFLUX",
+    "DFLUX",
+    "TEMPERATURE",
+)
 #: The comment over a surface that cgx of Debian writes without its keyword line.
-SURFACE_OF_CGX = re.compile(r"\*\* Surfaces based on (\S+)$")
+CGX_SURFACE_COMMENT = re.compile(r"\*\* Surfaces based on (\S+)$")
 
 
-class Row(Placed):
+class Row(DeckItem):
     """The fields of one data line; a trailing comma adds no field."""
 
     def __init__(self, line: str, card: Card, place: DeckPlace) -> None:
@@ -46,7 +56,7 @@ class Row(Placed):
             return real_number(self.fields[k], self.place)
         return default
 
-    def whole(self, k: int, default: int = 0) -> int:
+    def integer(self, k: int, default: int = 0) -> int:
         """Field `k` as an integer; `default` if it is empty."""
         if self.word(k):
             return whole_number(self.fields[k], self.place)
@@ -58,7 +68,7 @@ class Row(Placed):
 
     def nodes(self) -> IntArray:
         """Rows of the node or node set that the first field names."""
-        return self.card.within.nodes(self.word(0), self.place)
+        return self.card.scope.nodes(self.word(0), self.place)
 
 
 @dataclass
@@ -67,8 +77,8 @@ class Scope(ABC):
 
     name: str
     #: x in the whole deck: turn @ x in the part + shift
-    turn: Array
-    shift: Array
+    rotation: Array
+    translation: Array
 
     @property
     def prefix(self) -> str:
@@ -76,31 +86,31 @@ class Scope(ABC):
         return f"{self.name}." if self.name else ""
 
     @abstractmethod
-    def spelled(self, name: str) -> str:
+    def original_name(self, name: str) -> str:
         """A set's name as it was first written; names are not case-sensitive."""
 
     @abstractmethod
-    def rows(self, keyword: str, word: str, place: DeckPlace) -> IntArray:
-        """Rows of the node (NSET) or element (ELSET) numbered `word`, or of the set so named."""
+    def rows(self, keyword: str, number_or_set: str, place: DeckPlace) -> IntArray:
+        """Rows of the node (NSET) or element (ELSET) with this number, or of the set so named."""
 
-    def nodes(self, word: str, place: DeckPlace) -> IntArray:
-        """Rows of the node or node set that `word` names."""
-        return self.rows("NSET", word, place)
+    def nodes(self, number_or_set: str, place: DeckPlace) -> IntArray:
+        """Rows of the node or node set that `number_or_set` names."""
+        return self.rows("NSET", number_or_set, place)
 
-    def node(self, word: str, place: DeckPlace) -> int:
+    def node(self, number_or_set: str, place: DeckPlace) -> int:
         """Row of a single node, named by its number or by a set of one node."""
-        nodes = self.nodes(word, place)
-        place.needs(len(nodes) == 1, f"{word!r} must be one node; it is {len(nodes)}.")
+        nodes = self.nodes(number_or_set, place)
+        place.require(len(nodes) == 1, f"{number_or_set!r} must be one node; it is {len(nodes)}.")
         return int(nodes[0])
 
-    def elements(self, word: str, place: DeckPlace) -> IntArray:
-        """Rows of the cell numbered `word`, or of the cells of the element set so named."""
-        rows = self.rows("ELSET", word, place)
-        return rows[rows < FIRST_OTHER]
+    def elements(self, number_or_set: str, place: DeckPlace) -> IntArray:
+        """Rows of the cell with this number, or of the cells of the element set so named."""
+        rows = self.rows("ELSET", number_or_set, place)
+        return rows[rows < FIRST_NON_CELL_ROW]
 
 
 @dataclass
-class Card(Placed):
+class Card(DeckItem):
     """One keyword with its options and data lines."""
 
     #: without `*` and spaces, upper case
@@ -113,19 +123,19 @@ class Card(Placed):
     #: file and line of each data line
     places: list[DeckPlace] = field(default_factory=list)
     #: what its numbers and names refer to
-    within: Scope = field(init=False, repr=False)
+    scope: Scope = field(init=False, repr=False)
     #: keyword and options -> the same with their spaces
-    spaced: dict[str, str] = field(default_factory=dict)
+    spaced_names: dict[str, str] = field(default_factory=dict)
 
     @property
     def label(self) -> str:
         """Keyword with its spaces: "*CONTACT PAIR"."""
-        return f"*{self.spaced.get(self.keyword, self.keyword)}"
+        return f"*{self.spaced_names.get(self.keyword, self.keyword)}"
 
-    def of(self, within: Scope) -> Card:
+    def in_scope(self, scope: Scope) -> Card:
         """A copy of the card in another scope."""
         card = copy(self)
-        card.within = within
+        card.scope = scope
         return card
 
     def rows(self) -> list[Row]:
@@ -145,7 +155,7 @@ class Card(Placed):
         """Value of an option without quotes."""
         return self.options.get(name, default).strip().strip('"').strip()
 
-    def needed(self, name: str) -> str:
+    def required_option(self, name: str) -> str:
         """Value of a required option."""
         value = self.option("".join(name.split()))
         self.needs(value, f"{self.label} needs {name}=.")
@@ -153,22 +163,22 @@ class Card(Placed):
 
     def nodes(self, name: str) -> IntArray:
         """Rows of the nodes that the required option `name` names."""
-        return self.within.nodes(self.needed(name), self.place)
+        return self.scope.nodes(self.required_option(name), self.place)
 
     def elements(self) -> IntArray:
         """Rows of the cells that the required option ELSET= names."""
-        return self.within.elements(self.needed("ELSET"), self.place)
+        return self.scope.elements(self.required_option("ELSET"), self.place)
 
-    def refuse_turned(self) -> None:
+    def refuse_rotated(self) -> None:
         """Raise MeshError if the instance is rotated: the card's axes would be ambiguous."""
-        upright = np.allclose(self.within.turn, np.eye(3), rtol=0, atol=1e-9)
+        upright = np.allclose(self.scope.rotation, np.eye(3), rtol=0, atol=1e-9)
         self.needs(upright, f"{self.label} of a rotated instance is ambiguous: give it by vectors.")
 
 
-def cards(sources: Sources) -> list[Card]:
+def read_cards(sources: Sources) -> list[Card]:
     """All cards of a deck and of the files that it includes, in order."""
     cards_read: list[Card] = []
-    _collect(sources, sources.main(), sources.name, cards_read)
+    _collect(sources, sources.main_lines(), sources.name, cards_read)
     if not cards_read:
         raise MeshError(f"{sources.name} contains no keyword (*NODE, …): it is not an Abaqus deck.")
     return cards_read
@@ -182,7 +192,7 @@ def _collect(sources: Sources, lines: list[str], file: str, cards_read: list[Car
         line = lines[number].strip()
         number += 1
         if not line or line.startswith("**"):
-            surface = SURFACE_OF_CGX.match(line) or surface
+            surface = CGX_SURFACE_COMMENT.match(line) or surface
             continue
         place = DeckPlace(file, number)
         if surface and not line.startswith("*"):
@@ -191,9 +201,9 @@ def _collect(sources: Sources, lines: list[str], file: str, cards_read: list[Car
         if not line.startswith("*"):
             if not cards_read and "**" in line:  # a comment behind what an editor put there
                 continue
-            bulk = not cards_read and any(map(BULK.match, lines))
+            bulk = not cards_read and any(map(BULK_DATA_START.match, lines))
             advice = "Nastran bulk data, name it .bdf" if bulk else "not an Abaqus deck"
-            place.needs(cards_read, f"data before the first keyword: {advice}.")
+            place.require(cards_read, f"data before the first keyword: {advice}.")
             cards_read[-1].lines.append(line)
             cards_read[-1].places.append(place)
             continue
@@ -205,34 +215,34 @@ def _collect(sources: Sources, lines: list[str], file: str, cards_read: list[Car
             number += 1
         card = _card(line, place)
         include = card.keyword == "INCLUDE"
-        path = card.needed("INPUT") if include else card.option("INPUT")
+        path = card.required_option("INPUT") if include else card.option("INPUT")
         # a file that is not there may be of loads, which are not read either
-        of_loads = include and cards_read and cards_read[-1].keyword in LOADS
-        skipped = of_loads and not sources.holds(path)
+        of_loads = include and cards_read and cards_read[-1].keyword in LOAD_CARDS
+        skipped = of_loads and not sources.exists(path)
         if not include or skipped:
             cards_read.append(card)
-        if not skipped and path and (include or card.keyword in WITH_INPUT):
-            _collect(sources, sources.enter(path, place), path.strip().strip('"'), cards_read)
-            sources.leave()
+        if not skipped and path and (include or card.keyword in CARDS_WITH_INPUT):
+            _collect(sources, sources.enter_file(path, place), path.strip().strip('"'), cards_read)
+            sources.leave_file()
 
 
-def _card(line: str, place: DeckPlace) -> Card:
+def _card(keyword_line: str, place: DeckPlace) -> Card:
     """The card of a keyword line."""
-    head, *option_texts = _split_outside_quotes(line[1:])
+    head, *option_texts = _split_outside_quotes(keyword_line[1:])
     spaced = {}
 
-    def joined(words: str) -> str:
-        name = "".join(words.split()).upper()
-        spaced[name] = " ".join(words.split()).upper()
+    def without_spaces(spaced_name: str) -> str:
+        name = "".join(spaced_name.split()).upper()
+        spaced[name] = " ".join(spaced_name.split()).upper()
         return name
 
-    keyword = joined(head)
+    keyword = without_spaces(head)
     options = {}
     for part in option_texts:
         words, _, value = part.partition("=")
-        if name := joined(words):
+        if name := without_spaces(words):
             options[name] = value.strip()
-    return Card(keyword, options, place, spaced=spaced)
+    return Card(keyword, options, place, spaced_names=spaced)
 
 
 def _split_outside_quotes(text: str) -> list[str]:
@@ -243,7 +253,7 @@ def _split_outside_quotes(text: str) -> list[str]:
 
 
 #: Cards that are read -> options that are read or harmless, with their values if not all are.
-READ = {
+READ_OPTIONS = {
     "NODE": "NSET INPUT SYSTEM",
     "ELEMENT": "TYPE ELSET INPUT",
     "SYSTEM": "",
@@ -283,7 +293,7 @@ READ = {
     "DASHPOT": "ELSET ORIENTATION",
 }
 #: Card and option that would change the result -> what becomes of it.
-REFUSED_OPTIONS = table(
+REFUSED_OPTIONS = fate_table(
     refused={
         "a solid of layers": "SOLIDSECTION,COMPOSITE",
         "a half of the layers": "SHELLSECTION,SYMMETRIC",
@@ -299,14 +309,14 @@ REFUSED_OPTIONS = table(
     }
 )
 #: Cards that are also read in the first step.
-IN_STEPS = (
+STEP_CARDS = (
     *("NSET", "ELSET", "SURFACE", "BOUNDARY", "EQUATION", "MPC", "RIGIDBODY", "TIE", "COUPLING"),
     *("KINEMATIC", "DISTRIBUTING", "KINEMATICCOUPLING"),
 )
 #: Cards that generate nodes and elements and are not supported, of meshes neither.
-GENERATORS = ("NGEN", "NFILL", "ELGEN", "NCOPY", "ELCOPY", "NMAP")
+GENERATOR_CARDS = ("NGEN", "NFILL", "ELGEN", "NCOPY", "ELCOPY", "NMAP")
 
-_HARMLESS = """
+_HARMLESS_CARDS = """
 CONTACTPAIR CLEARANCE
 HEADING PREPRINT RESTART PARAMETER ENDPART ENDINSTANCE ASSEMBLY ENDASSEMBLY ENDSTEP OUTPUT
 NODEOUTPUT ELEMENTOUTPUT CONTACTOUTPUT ENERGYOUTPUT INCREMENTATIONOUTPUT MODALOUTPUT SURFACEOUTPUT
@@ -331,7 +341,7 @@ VALUESATINFINITY ELECTRICALCONDUCTIVITY MAGNETICPERMEABILITY DIELECTRIC PIEZOELE
 DEPVAR BOUNDARYF EQUATIONF TRANSFORMF SENSITIVITY OBJECTIVE DESIGNVARIABLES DESIGNRESPONSE
 CONSTRAINT FEASIBLEDIRECTION FILTER
 """
-_REFUSED = {
+_REFUSED_CARDS = {
     "general contact": "CONTACT",
     "a sector: give the whole ring": "CYCLICSYMMETRYMODEL",
     "a gap: join what touches": "GAP",
@@ -362,11 +372,11 @@ _REFUSED = {
     "an adjustment of the mass": "MASSADJUST",
     "reinforcement": "REBAR REBARLAYER",
     "a stiffness against transverse shear": "TRANSVERSESHEARSTIFFNESS",
-    "a generator: write the nodes and elements out": " ".join(GENERATORS),
+    "a generator: write the nodes and elements out": " ".join(GENERATOR_CARDS),
 }
 
-CARDS = table(read=READ, harmless=_HARMLESS.split(), refused=_REFUSED)
-CARDS["PRE-TENSIONSECTION"] = Fate("ignored", "whose bolt is whole, as it is once tightened,")
+CARD_FATES = fate_table(read=READ_OPTIONS, harmless=_HARMLESS_CARDS.split(), refused=_REFUSED_CARDS)
+CARD_FATES["PRE-TENSIONSECTION"] = Fate("ignored", "whose bolt is whole, as it is once tightened,")
 
 
 def account_for(cards: list[Card], name: str) -> Account:
@@ -377,11 +387,11 @@ def account_for(cards: list[Card], name: str) -> Account:
     for card in cards:
         if card.keyword == "STEP":
             count, step = count + 1, count
-        fate = _fate_in_step(card.keyword, CARDS.get(card.keyword, Fate()), step)
+        fate = _fate_in_step(card.keyword, CARD_FATES.get(card.keyword, Fate()), step)
         account.cards.append((card.label, card.place, fate))
         if fate.kind == "read":
             for option in card.options:
-                label = f"{card.label}, {card.spaced.get(option, option)}="
+                label = f"{card.label}, {card.spaced_names.get(option, option)}="
                 account.options.append((label, card.place, _option_fate(card, option)))
         if card.keyword == "ENDSTEP":
             step = -1
@@ -394,14 +404,14 @@ def _fate_in_step(keyword: str, fate: Fate, step: int) -> Fate:
         return fate
     if step > 0:
         return Fate("ignored", "of later steps")
-    if fate.kind == "refused" or keyword in IN_STEPS:
+    if fate.kind == "refused" or keyword in STEP_CARDS:
         return fate
     return Fate("refused", "in a step")
 
 
 def _option_fate(card: Card, option: str) -> Fate:
     """The treatment of one option of a card; the card itself is read."""
-    option_fates = dict(word.partition("=")[::2] for word in READ[card.keyword].split())
+    option_fates = dict(word.partition("=")[::2] for word in READ_OPTIONS[card.keyword].split())
     values = option_fates.get(option, "").split("|")
     value = "".join(card.option(option).split()).upper()
     if option in option_fates and (values == [""] or value in values):

@@ -48,24 +48,24 @@ class DeckFaces:
         return [np.concatenate(pair) for pair in whole]
 
 
-def surfaces_of(assembled: AbaqusDeck, cards: Sequence[Card]) -> dict[str, DeckFaces]:
+def surfaces_of(assembly: AbaqusDeck, cards: Sequence[Card]) -> dict[str, DeckFaces]:
     """The surfaces of a deck by their names in upper case."""
     surfaces: dict[str, DeckFaces] = {}
     for card in cards:
         if card.keyword != "SURFACE" or not card.option("NAME"):
             continue
-        name = (card.within.prefix + card.option("NAME")).upper()
+        name = (card.scope.prefix + card.option("NAME")).upper()
         surface = surfaces.setdefault(name, DeckFaces())
         for row in card.rows():
             if card.option("TYPE").upper().startswith("NODE"):
                 surface.node_tables.append(row.nodes())
                 continue
-            elements = card.within.elements(row.word(0), row.place)
+            elements = card.scope.elements(row.word(0), row.place)
             side = row.word(1).upper()
-            for block, _ in assembled.deck.blocks_of(elements):
+            for block, _ in assembly.deck.blocks_of(elements):
                 faces = _faces(block, side, row.place)
                 surface.faces += faces
-                edge = _edge(block, side, row.place)
+                edge = _edge_index(block, side, row.place)
                 if edge is None:
                     surface.node_tables += [nodes for face in faces for nodes in face]
                 else:
@@ -75,12 +75,12 @@ def surfaces_of(assembled: AbaqusDeck, cards: Sequence[Card]) -> dict[str, DeckF
     return surfaces
 
 
-def _edge(block: Block, side: str, place: DeckPlace) -> int | None:
+def _edge_index(block: Block, side: str, place: DeckPlace) -> int | None:
     """Index of the edge that `side` names (E1 …; S3 …, of plane elements S1 …); else None."""
     if block.shape not in ("triangle", "quad") or not side[1:].isdigit():
         return None
     edge = int(side[1:]) - (1 if side[0] == "E" or block.role.startswith("plane") else 3)
-    place.needs(edge < CORNERS[block.shape], f"{side!r} is no edge of a {block.shape}.")
+    place.require(edge < CORNERS[block.shape], f"{side!r} is no edge of a {block.shape}.")
     return edge if edge >= 0 else None
 
 
@@ -91,7 +91,7 @@ def _faces(block: Block, side: str, place: DeckPlace) -> list[tuple[IntArray, In
         sides = SOLID_FACES.get(block.shape, ())
         number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
         fault = f"{side!r} is no side of a {block.shape}; it must be S1 to S{len(sides)}."
-        place.needs(1 <= number <= len(sides), fault)
+        place.require(1 <= number <= len(sides), fault)
         corners = sides[number - 1]
     edges = [frozenset(edge) for edge in EDGES[block.shape]]
     ring = zip(corners, (*corners[1:], corners[0]), strict=True)
@@ -102,17 +102,17 @@ def _faces(block: Block, side: str, place: DeckPlace) -> list[tuple[IntArray, In
 #: Default tolerance of a tie, as a share of the master's mean edge length (Abaqus).
 TIE_REACH = 0.05
 #: Largest distance of a point of a curved face from its centre, over that of its nodes.
-BULGE = 1.5
+FACE_BULGE_RATIO = 1.5
 #: Nodes whose distances from a line are below this share of the size of a deck lie on it.
-ON_LINE = 1e-6
+COLLINEAR_TOLERANCE = 1e-6
 #: Most contact pairs that are listed.
-MOST_PAIRS = 6
+MAX_LISTED_PAIRS = 6
 #: Most terms of an equation: more are damage.
-LONGEST_EQUATION = 1_000_000
+MAX_EQUATION_TERMS = 1_000_000
 #: The degree of freedom that is the temperature.
-TEMPERATURE = "11"
+TEMPERATURE_DOF = "11"
 #: Number of nearest faces onto which each node is projected.
-NEAREST_FACES = 12
+NEAREST_FACE_COUNT = 12
 #: The projection of points onto 1000 random faces of each kind, bent by 2 % of their size, ended
 #: within 5e-7 of the size after this many steps.
 NEWTON_STEPS = 12
@@ -143,10 +143,10 @@ def tied_nodes(
     for node in candidates:
         point = joints.place(node)
         away = np.linalg.norm(centres - point, axis=1)
-        if away.min() > BULGE * around + reach:
+        if away.min() > FACE_BULGE_RATIO * around + reach:
             continue
-        order = np.argsort(away, kind="stable")[:NEAREST_FACES]
-        distance, leaders, weights = _nearest([faces[k] for k in order], point)
+        order = np.argsort(away, kind="stable")[:NEAREST_FACE_COUNT]
+        distance, leaders, weights = _nearest_face([faces[k] for k in order], point)
         if distance <= reach:
             tied.append(TiedNode(node, leaders, weights))
     return tied, reach
@@ -165,28 +165,28 @@ def tie_nodes(joints: DeckConstraints, tied: Sequence[TiedNode], place: DeckPlac
         with_rotations = bool(joints.has_rotations[node] and joints.has_rotations[leaders].all())
         followers = [(int(n), -float(w)) for n, w in zip(leaders, weights, strict=True)]
         for c in range(6 if with_rotations else 3):
-            joints.equation([(node, c, 1.0), *((n, c, w) for n, w in followers)], place)
+            joints.add_equation([(node, c, 1.0), *((n, c, w) for n, w in followers)], place)
 
 
-def _nearest(
+def _nearest_face(
     faces: Sequence[tuple[IntArray, Array]], point: Array
 ) -> tuple[float, IntArray, Array]:
     """(distance to the nearest of `faces`, its nodes, their shape functions at the projection)."""
     best: tuple[float, IntArray, Array] = np.inf, NO_ROWS, np.zeros(0)
     for nodes, x in faces:
-        weights = _shapes_at_nearest(x, point)
+        weights = _shape_functions_at_projection(x, point)
         distance = float(np.linalg.norm(weights @ x - point))
         if distance < best[0] * (1 - 1e-9) - 1e-15:
             best = distance, nodes, weights
     return best
 
 
-def _shapes_at_nearest(x: Array, point: Array) -> Array:
+def _shape_functions_at_projection(x: Array, point: Array) -> Array:
     """Shape functions of a face's nodes `x` at the point of the face nearest to `point`."""
     triangle = len(x) in (3, 6)
     xi = np.full(2, 1 / 3) if triangle else np.zeros(2)
     for _ in range(NEWTON_STEPS):
-        values, slopes = _shapes(len(x), xi)
+        values, slopes = _shape_functions(len(x), xi)
         step = np.linalg.lstsq((slopes.T @ x).T, point - values @ x, rcond=None)[0]
         new = np.clip(xi + step, 0.0 if triangle else -1.0, 1.0)
         if triangle:
@@ -194,10 +194,10 @@ def _shapes_at_nearest(x: Array, point: Array) -> Array:
         if np.abs(new - xi).max() < 1e-12:
             break
         xi = new
-    return _shapes(len(x), xi)[0]
+    return _shape_functions(len(x), xi)[0]
 
 
-def _shapes(count: int, xi: Array) -> tuple[Array, Array]:
+def _shape_functions(count: int, xi: Array) -> tuple[Array, Array]:
     """Values (n,) and derivatives (n, 2) of the functions of a face of n nodes at `xi`."""
     r, s = xi
     if count in (3, 6):
@@ -226,31 +226,31 @@ def _shapes(count: int, xi: Array) -> tuple[Array, Array]:
     return np.concatenate([values, mids]), np.vstack([slopes, dmids])
 
 
-def read_joints(assembled: AbaqusDeck, joints: DeckConstraints, cards: Sequence[Card]) -> None:
+def read_joints(assembly: AbaqusDeck, joints: DeckConstraints, cards: Sequence[Card]) -> None:
     """Add the constraints of the cards to `joints`; contact pairs come last."""
-    reader = _JointReader(assembled, joints, surfaces_of(assembled, cards))
+    reader = _JointReader(assembly, joints, surfaces_of(assembly, cards))
     for card in cards:
-        if card.keyword in READERS:
-            READERS[card.keyword](reader, card)
+        if card.keyword in JOINT_READERS:
+            JOINT_READERS[card.keyword](reader, card)
 
     for card in cards:
-        if card.keyword == "CONTACTPAIR" and not assembled.deck.without_contact:
-            reader.contact(card)
-    reader.tell_contact()
+        if card.keyword == "CONTACTPAIR" and not assembly.deck.without_contact:
+            reader.contact_pair(card)
+    reader.report_contact()
 
-    assembled.deck.skipped = Counter({kind: n for kind, n in assembled.deck.skipped.items() if n})
+    assembly.deck.skipped = Counter({kind: n for kind, n in assembly.deck.skipped.items() if n})
 
 
 class _JointReader:
     """Reads cards that join nodes: one method for each card."""
 
     def __init__(
-        self, assembled: AbaqusDeck, joints: DeckConstraints, surfaces: dict[str, DeckFaces]
+        self, assembly: AbaqusDeck, joints: DeckConstraints, surfaces: dict[str, DeckFaces]
     ) -> None:
-        self.assembled = assembled
+        self.assembled = assembly
         self.joints = joints
         self.surfaces = surfaces
-        self.orientations = Orientations(assembled.cards)
+        self.orientations = Orientations(assembly.cards)
         #: of the last *COUPLING: reference node, nodes, card
         self.current: tuple[int, IntArray, Card] | None = None
         #: names of the contact pairs that are tied, with their numbers of nodes, and of open ones
@@ -275,19 +275,19 @@ class _JointReader:
         self, slave: DeckFaces, master: DeckFaces, tolerance: float | None, place: DeckPlace
     ) -> None:
         """Tie slave nodes to master faces by shape functions; report those out of reach."""
-        place.needs(master.faces, "the master surface of *TIE must be of faces of elements.")
+        place.require(master.faces, "the master surface of *TIE must be of faces of elements.")
         tied, reach = tied_nodes(self.joints, slave, master, tolerance)
         tie_nodes(self.joints, tied, place)
 
         nodes = slave.nodes
         untied = int((~np.isin(nodes, master.nodes)).sum()) - len(tied)
         far = f"further than {reach:.3g} from the master surface (POSITION TOLERANCE=)"
-        place.needs(untied != len(nodes), f"*TIE joins nothing: all slave nodes lie {far}.")
+        place.require(untied != len(nodes), f"*TIE joins nothing: all slave nodes lie {far}.")
         if untied:
             count = f"{untied} of {len(nodes)} slave nodes of *TIE are not tied"
             self.assembled.deck.remarks.append(f"{place}: {count}: they lie {far}.")
 
-    def contact(self, card: Card) -> None:
+    def contact_pair(self, card: Card) -> None:
         """*CONTACT PAIR: surfaces that touch are tied, as in a joint that stays pressed."""
         for row in card.rows():
             names = row.fields[:2]
@@ -295,27 +295,38 @@ class _JointReader:
             first, second = sides if len(sides) == 2 else (None, None)
             if first is None or second is None or first is second:  # rigid, or touches itself
                 continue
-            if all(self.joints.used[side.nodes].any() for side in (first, second)):
+            if all(self.joints.used_nodes[side.nodes].any() for side in (first, second)):
                 count = self._tie_touching(first, second, row.place)
                 text = f"{' and '.join(names)}" + f" at {count} nodes" * bool(count)
                 (self.tied if count else self.open).append(text)
 
-    def _tie_touching(self, first: DeckFaces, second: DeckFaces, place: DeckPlace) -> int:
+    def _tie_touching(
+        self, first_surface: DeckFaces, second_surface: DeckFaces, place: DeckPlace
+    ) -> int:
         """Tie two surfaces where they touch; return how many nodes are tied, 0 for a hinge.
 
         The surface with more nodes on the other is the slave, mostly the finer one. Nodes on one
         line would make a hinge: they are not tied.
         """
         joints = self.joints
-        reach = TIE_REACH * min(mean_edge(joints, side) for side in (first, second) if side.faces)
-        orders = [(a, b) for a, b in ((first, second), (second, first)) if b.faces]
+        reach = TIE_REACH * min(
+            mean_edge(joints, side) for side in (first_surface, second_surface) if side.faces
+        )
+        orders = [
+            (a, b)
+            for a, b in ((first_surface, second_surface), (second_surface, first_surface))
+            if b.faces
+        ]
         tied = max((tied_nodes(joints, a, b, reach)[0] for a, b in orders), key=len)
 
         points = self.assembled.deck.points
         x = np.array([points[one.node] for one in tied]).reshape(-1, 3)
         plane = not np.ptp(points[:, 2])
         size = float(np.ptp(points, axis=0).max())
-        if not len(x) or np.linalg.matrix_rank(x - x[0], tol=ON_LINE * size) < 2 - plane:
+        if (
+            not len(x)
+            or np.linalg.matrix_rank(x - x[0], tol=COLLINEAR_TOLERANCE * size) < 2 - plane
+        ):
             return 0
 
         led = {terms[0][0] for terms in joints.equations}
@@ -325,22 +336,24 @@ class _JointReader:
         tie_nodes(joints, tied, place)
         return len(tied)
 
-    def tell_contact(self) -> None:
+    def report_contact(self) -> None:
         """Report which contact pairs are tied, and which are open."""
         remarks = self.assembled.deck.remarks
         if self.tied:
-            pairs = f"contact pairs that touch are tied: {_listed(self.tied)}. They"
+            pairs = f"contact pairs that touch are tied: {_shortened_list(self.tied)}. They"
             remarks.append(f'{pairs} neither open nor slide; contact "apart" leaves them out.')
         if self.open:
-            remarks.append(f"contact that is open at first is left out: {_listed(self.open)}.")
+            remarks.append(
+                f"contact that is open at first is left out: {_shortened_list(self.open)}."
+            )
 
     def equations(self, card: Card) -> None:
         """*EQUATION; the terms of one equation may continue on the following lines."""
-        card.refuse_turned()
+        card.refuse_rotated()
         rows = iter(card.rows())
         for row in rows:
             count = whole_number(row.word(0), row.place)
-            row.needs(0 < count <= LONGEST_EQUATION, f"an *EQUATION of {count} terms.")
+            row.needs(0 < count <= MAX_EQUATION_TERMS, f"an *EQUATION of {count} terms.")
             words: list[str] = []
             while len(words) < 3 * count:
                 further = next(rows, None)
@@ -349,28 +362,28 @@ class _JointReader:
                     raise row.place.error(ended)
                 row = further
                 words += row.fields + [""] * (-len(row.fields) % 3)
-            if set(words[1 : 3 * count : 3]) == {TEMPERATURE}:  # moves nothing
+            if set(words[1 : 3 * count : 3]) == {TEMPERATURE_DOF}:  # moves nothing
                 continue
-            for terms in self._expanded(words[: 3 * count], row):
-                self.joints.equation(terms, row.place)
+            for terms in self._expanded_equations(words[: 3 * count], row):
+                self.joints.add_equation(terms, row.place)
 
-    def _expanded(self, words: list[str], row: Row) -> Iterator[list[MotionTerm]]:
+    def _expanded_equations(self, term_words: list[str], row: Row) -> Iterator[list[MotionTerm]]:
         """Yield the equation, or one for each node of the set that a term names."""
         place = row.place
-        triples = [words[k : k + 3] for k in range(0, len(words), 3)]
-        nodes = [row.card.within.nodes(word, place) for word, _, _ in triples]
+        triples = [term_words[k : k + 3] for k in range(0, len(term_words), 3)]
+        nodes = [row.card.scope.nodes(word, place) for word, _, _ in triples]
         for (word, _, _), members in zip(triples, nodes, strict=True):
-            place.needs(len(members), f"*EQUATION names {word!r}, a set without nodes.")
+            place.require(len(members), f"*EQUATION names {word!r}, a set without nodes.")
         single = len(nodes[0]) == 1 or sum(len(members) > 1 for members in nodes) == 1
-        place.needs(single, "*EQUATION pairs them by their order, which is lost: write one each.")
+        place.require(single, "*EQUATION pairs them by their order, which is lost: write one each.")
         for k in range(len(nodes[0])):
             terms = []
             for (_, dof, factor), members in zip(triples, nodes, strict=True):
                 motion = whole_number(dof, place) - 1
-                place.needs(0 <= motion < 6, f"*EQUATION acts on motions from 1 to 6; got {dof}.")
+                place.require(0 <= motion < 6, f"*EQUATION acts on motions from 1 to 6; got {dof}.")
                 node = int(members[k if len(members) > 1 else 0])
                 terms.append((node, motion, real_number(factor, place)))
-            place.needs(terms[0][2], "the first term of *EQUATION has the coefficient 0.")
+            place.require(terms[0][2], "the first term of *EQUATION has the coefficient 0.")
             yield terms
 
     def mpc(self, card: Card) -> None:
@@ -383,27 +396,27 @@ class _JointReader:
             else:  # a continued list
                 lists[-1][1].extend(word for word in words if word != "0")
         for kind, words, place in lists:
-            nodes = [int(n) for w in words for n in card.within.nodes(w, place)]
+            nodes = [int(n) for w in words for n in card.scope.nodes(w, place)]
             pairs = [[node, nodes[-1]] for node in nodes[:-1]]  # a set, and the node it follows
             is_single = len(nodes) == 2 or (len(words) == 2 and words[1].isdigit())
-            read = is_single and all([self._pair(kind, pair, place) for pair in pairs])
+            read = is_single and all([self._join_pair(kind, pair, place) for pair in pairs])
             label = f"the *MPC of type {kind} with {len(nodes)} nodes"
-            place.needs(read, f"{label} is not supported here; write it as *EQUATION.")
+            place.require(read, f"{label} is not supported here; write it as *EQUATION.")
 
-    def _pair(self, kind: str, nodes: list[int], place: DeckPlace) -> bool:
+    def _join_pair(self, kind: str, nodes: list[int], place: DeckPlace) -> bool:
         """Apply a TIE, PIN, LINK or BEAM between two nodes; False if `kind` is none of these."""
         joints = self.joints
         a, b = nodes
-        place.needs(a != b, f"the *MPC of type {kind} joins a node with itself.")
+        place.require(a != b, f"the *MPC of type {kind} joins a node with itself.")
         if kind in ("TIE", "PIN"):
-            with_rotations = all(not joints.used[n] or joints.has_rotations[n] for n in nodes)
+            with_rotations = all(not joints.used_nodes[n] or joints.has_rotations[n] for n in nodes)
             for c in range(6 if kind == "TIE" and with_rotations else 3):
-                joints.equation([(a, c, 1.0), (b, c, -1.0)], place)
+                joints.add_equation([(a, c, 1.0), (b, c, -1.0)], place)
         elif kind == "LINK":
-            terms, _ = joints.elongation(a, b, place)
-            joints.equation(terms, place)
-        elif kind == "BEAM" and (joints.has_rotations[b] or not joints.used[b]):
-            joints.rigid(np.array([a]), joints.leader(b), range(6), {})
+            terms, _ = joints.elongation_terms(a, b, place)
+            joints.add_equation(terms, place)
+        elif kind == "BEAM" and (joints.has_rotations[b] or not joints.used_nodes[b]):
+            joints.add_rigid(np.array([a]), joints.leader_point(b), range(6), {})
         else:
             return False
         return True
@@ -419,44 +432,44 @@ class _JointReader:
         has_nodes = len(nodes) or card.option("PINNSET")
         card.needs(has_nodes, f"{card.label} names no nodes (NSET= or ELSET=).")
         words = card.option("REFNODE"), card.option("ROTNODE")
-        reference, rotation = (card.within.node(w, place) if w else None for w in words)
+        reference, rotation = (card.scope.node(w, place) if w else None for w in words)
         if reference is None:  # a body that nothing else acts on: its nodes lead themselves
-            reference = joints.point(joints.deck.points[nodes].mean(axis=0))
-        leader = joints.leader(reference, rotation)
+            reference = joints.add_point(joints.deck.points[nodes].mean(axis=0))
+        leader = joints.leader_point(reference, rotation)
         references = [n for n in (reference, rotation) if n is not None]
-        joints.rigid(nodes[~np.isin(nodes, references)], leader, range(6), {})
+        joints.add_rigid(nodes[~np.isin(nodes, references)], leader, range(6), {})
         if card.option("PINNSET"):
             pinned = card.nodes("PINNSET")
-            joints.rigid(pinned[~np.isin(pinned, [*references, *nodes])], leader, range(3), {})
+            joints.add_rigid(pinned[~np.isin(pinned, [*references, *nodes])], leader, range(3), {})
 
     def coupling(self, card: Card) -> None:
         """*COUPLING: store its surface for the *KINEMATIC or *DISTRIBUTING card that follows."""
-        surface = self._surface(card.needed("SURFACE"), card.place)
-        node = card.within.node(card.needed("REF NODE"), card.place)
+        surface = self._surface(card.required_option("SURFACE"), card.place)
+        node = card.scope.node(card.required_option("REF NODE"), card.place)
         self.current = node, surface.nodes, card
 
-    def coupled(self, card: Card) -> None:
+    def couple_surface(self, card: Card) -> None:
         """*KINEMATIC or *DISTRIBUTING: couple the surface of the last *COUPLING."""
         if self.current is None:
             raise card.place.error(f"{card.label} without *COUPLING before it.")
         if rows := card.rows():
-            card.refuse_turned()
+            card.refuse_rotated()
         motions = sorted({m for row in rows for m in _motion_range(row, 0)}) or range(6)
         node, nodes, of = self.current
         if card.keyword == "KINEMATIC":
-            self._rigid(node, nodes, motions, of)
+            self._add_rigid(node, nodes, motions, of)
             return
         axes = None
         if name := of.option("ORIENTATION"):
-            (axes,) = self.orientations.at(name, of, self.joints.place(node)[None])
-        self._mean(card, node, motions, nodes, np.ones(len(nodes)), axes)
+            (axes,) = self.orientations.directions_at(name, of, self.joints.place(node)[None])
+        self._add_mean(card, node, motions, nodes, np.ones(len(nodes)), axes)
 
     def kinematic_coupling(self, card: Card) -> None:
         """*KINEMATIC COUPLING: nodes that follow the reference node in some motions."""
-        card.refuse_turned()
-        node = card.within.node(card.needed("REF NODE"), card.place)
+        card.refuse_rotated()
+        node = card.scope.node(card.required_option("REF NODE"), card.place)
         for row in card.rows():
-            self._rigid(node, row.nodes(), _motion_range(row, 1), card)
+            self._add_rigid(node, row.nodes(), _motion_range(row, 1), card)
 
     def distributing_coupling(self, card: Card) -> None:
         """*DISTRIBUTING COUPLING: a DCOUP3D node follows the weighted mean of others."""
@@ -466,21 +479,21 @@ class _JointReader:
         node_weights = np.repeat(weights, [len(members) for members in groups])
         weighted = len(nodes) and node_weights.sum() > 0
         card.needs(weighted, "*DISTRIBUTING COUPLING names no nodes with weights.")
-        for kind, (reference, *_) in self.assembled.elements_of(card):
-            self._mean(card, reference, range(6), nodes, node_weights)
+        for kind, (reference, *_) in self.assembled.non_cells_of(card):
+            self._add_mean(card, reference, range(6), nodes, node_weights)
             self.assembled.deck.skipped[kind] -= 1
 
-    def _rigid(self, node: int, nodes: IntArray, motions: Motions, card: Card) -> None:
+    def _add_rigid(self, node: int, nodes: IntArray, motions: Motions, card: Card) -> None:
         """Let nodes follow a reference node in motions along the axes of ORIENTATION=."""
-        leader = self.joints.leader(node)
+        leader = self.joints.leader_point(node)
         frames = {}
         nodes = nodes[nodes != node]
         if name := card.option("ORIENTATION"):
-            axes = self.orientations.at(name, card, self.joints.deck.points[nodes])
+            axes = self.orientations.directions_at(name, card, self.joints.deck.points[nodes])
             frames = dict(zip(nodes.tolist(), axes, strict=True))
-        self.joints.rigid(nodes, leader, motions, frames)
+        self.joints.add_rigid(nodes, leader, motions, frames)
 
-    def _mean(
+    def _add_mean(
         self,
         card: Card,
         node: int,
@@ -492,33 +505,36 @@ class _JointReader:
         """Let a reference node follow the weighted mean motion of nodes, along `axes`."""
         own = f"{card.label} follows its reference node; give it a node of its own."
         card.needs(node not in nodes, own)
-        leader = self.joints.leader(node)
+        leader = self.joints.leader_point(node)
         self.joints.mean(leader, motions, nodes, weights, card.place, axes=axes)
 
 
 #: Card -> what reads it.
-READERS: dict[str, Callable[[_JointReader, Card], None]] = {
+JOINT_READERS: dict[str, Callable[[_JointReader, Card], None]] = {
     "EQUATION": _JointReader.equations,
     "MPC": _JointReader.mpc,
     "RIGIDBODY": _JointReader.rigid_body,
     "TIE": _JointReader.tie,
     "COUPLING": _JointReader.coupling,
-    **dict.fromkeys(("KINEMATIC", "DISTRIBUTING"), _JointReader.coupled),
+    **dict.fromkeys(("KINEMATIC", "DISTRIBUTING"), _JointReader.couple_surface),
     "KINEMATICCOUPLING": _JointReader.kinematic_coupling,
     "DISTRIBUTINGCOUPLING": _JointReader.distributing_coupling,
 }
 
 
-def _motion_range(row: Row, start: int) -> list[int]:
-    """Motions (0 to 5) from the first to the last number after field `start`; all if blank."""
-    motions = [whole_number(word, row.place) for word in row.fields[start:] if word] or [1, 6]
+def _motion_range(row: Row, first_field: int) -> list[int]:
+    """Motions (0 to 5) from the first to the last number in the fields from `first_field` on.
+
+    All motions if these fields are blank.
+    """
+    motions = [whole_number(word, row.place) for word in row.fields[first_field:] if word] or [1, 6]
     first, last = motions[0], motions[-1]
     message = f"motions from {first} to {last}; they are counted from 1 to 6."
     row.needs(1 <= first <= last <= 6, message)
     return list(range(first - 1, last))
 
 
-def _listed(texts: Sequence[str]) -> str:
+def _shortened_list(items: Sequence[str]) -> str:
     """Some of the texts, and how many more there are."""
-    more = f", and {len(texts) - MOST_PAIRS} more" * (len(texts) > MOST_PAIRS)
-    return f"{', '.join(texts[:MOST_PAIRS])}{more}"
+    more = f", and {len(items) - MAX_LISTED_PAIRS} more" * (len(items) > MAX_LISTED_PAIRS)
+    return f"{', '.join(items[:MAX_LISTED_PAIRS])}{more}"

@@ -12,42 +12,42 @@ import numpy as np
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import Array, Block, IntArray
 from antiosc.io.neutral import CORNERS, EDGES
-from antiosc_decks.abaqus_cards import GENERATORS, Card, Row
-from antiosc_decks.entries import LARGEST_NUMBER, DeckPlace, Numbering, whole_number
+from antiosc_decks.abaqus_cards import GENERATOR_CARDS, Card, Row
+from antiosc_decks.entries import MAX_LABEL, DeckPlace, Numbering, whole_number
 from antiosc_decks.properties import axes_of
 
-Role = Literal[
+ElementRole = Literal[
     "solid", "shell", "beam", "plane stress", "plane strain", "axisymmetric", "rod", "other"
 ]
 
 #: Nodes of an element -> its shape.
-SHEETS = {3: "triangle", 4: "quad", 6: "triangle", 8: "quad", 9: "quad"}
-VOLUMES = {4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra", 13: "pyramid"}
-VOLUMES |= {15: "wedge", 18: "wedge", 20: "hexahedron", 27: "hexahedron"}
-LINES = {2: "line", 3: "line"}
+SURFACE_SHAPES = {3: "triangle", 4: "quad", 6: "triangle", 8: "quad", 9: "quad"}
+SOLID_SHAPES = {4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra", 13: "pyramid"}
+SOLID_SHAPES |= {15: "wedge", 18: "wedge", 20: "hexahedron", 27: "hexahedron"}
+LINE_SHAPES = {2: "line", 3: "line"}
 #: Pattern of a type's name (its group is the number of nodes), role, shapes by number of nodes.
 #: Elements of heat transfer (DC3D, DS) are taken as stress elements of the same nodes. "other" are
 #: cells that no family here carries: rigid, fluids, surfaces. Membranes are shells, which bend.
-TYPES: tuple[tuple[str, Role, Mapping[int, str]], ...] = (
-    (r"D?C3D(\d+)[A-Z]*", "solid", VOLUMES),
-    (r"(?:AC|F)3D(\d+)[A-Z]*", "other", VOLUMES),
-    (r"SC(6|8)[A-Z]*", "other", VOLUMES),
-    (r"(?:D?S|STRI)([34689]|65)(?:R5|R?S?W?T?)", "shell", SHEETS),
-    (r"CPS([3468])[A-Z]*", "plane stress", SHEETS),
-    (r"CPE([3468])[A-Z]*", "plane strain", SHEETS),
-    (r"(?:CAX|CGAX|DCAX)([3468])[A-Z]*", "axisymmetric", SHEETS),
-    (r"(?:CPEG|DC2D|AC2D|ACAX)([3468])[A-Z]*", "other", SHEETS),
-    (r"M3D([34689])R?", "shell", SHEETS),
-    (r"(?:R3D|SFM3D)([3468])[A-Z]*", "other", SHEETS),
-    (r"(?:B|PIPE)[23]([123])[A-Z]*", "beam", LINES),
-    (r"T[23]D(2)[A-Z]*", "rod", LINES),
-    (r"T[23]D(3)[A-Z]*", "other", LINES),
+ELEMENT_TYPES: tuple[tuple[str, ElementRole, Mapping[int, str]], ...] = (
+    (r"D?C3D(\d+)[A-Z]*", "solid", SOLID_SHAPES),
+    (r"(?:AC|F)3D(\d+)[A-Z]*", "other", SOLID_SHAPES),
+    (r"SC(6|8)[A-Z]*", "other", SOLID_SHAPES),
+    (r"(?:D?S|STRI)([34689]|65)(?:R5|R?S?W?T?)", "shell", SURFACE_SHAPES),
+    (r"CPS([3468])[A-Z]*", "plane stress", SURFACE_SHAPES),
+    (r"CPE([3468])[A-Z]*", "plane strain", SURFACE_SHAPES),
+    (r"(?:CAX|CGAX|DCAX)([3468])[A-Z]*", "axisymmetric", SURFACE_SHAPES),
+    (r"(?:CPEG|DC2D|AC2D|ACAX)([3468])[A-Z]*", "other", SURFACE_SHAPES),
+    (r"M3D([34689])R?", "shell", SURFACE_SHAPES),
+    (r"(?:R3D|SFM3D)([3468])[A-Z]*", "other", SURFACE_SHAPES),
+    (r"(?:B|PIPE)[23]([123])[A-Z]*", "beam", LINE_SHAPES),
+    (r"T[23]D(2)[A-Z]*", "rod", LINE_SHAPES),
+    (r"T[23]D(3)[A-Z]*", "other", LINE_SHAPES),
 )
 #: Number in the name of a type -> number of its nodes, where the two differ; the same of beams.
 NODE_COUNTS = {"65": 6}
-BEAM_NODES = {"1": 2, "2": 3, "3": 2}
+BEAM_NODE_COUNTS = {"1": 2, "2": 3, "3": 2}
 #: Inner nodes of C3D27, reordered: Abaqus gives the centre, then bottom, top and the four sides.
-INNER_27 = (26, 24, 23, 25, 21, 22, 20)
+C3D27_INNER_NODES = (26, 24, 23, 25, 21, 22, 20)
 #: Types that are not cells -> their number of nodes.
 NON_CELLS = {
     r"MASS|ROTARYI|SPRING1|DASHPOT1|DCOUP3D|DCOUP2D|HEATCAP": 1,
@@ -61,8 +61,8 @@ class ElementType(NamedTuple):
 
     #: a key of `CORNERS`
     shape: str
-    role: Role
-    nodes: int
+    role: ElementRole
+    node_count: int
     #: places of the corners and of the middles of the edges in the deck's order
     corners: tuple[int, ...]
     mids: tuple[int, ...]
@@ -71,11 +71,11 @@ class ElementType(NamedTuple):
 
 def element_type(name: str) -> ElementType | None:
     """How elements of the type `name` (upper case) are read; None if they are not cells."""
-    for pattern, role, shapes in TYPES:
+    for pattern, role, shapes in ELEMENT_TYPES:
         match = re.fullmatch(pattern, name)
         if match is None:
             continue
-        nodes = (BEAM_NODES if role == "beam" else NODE_COUNTS).get(match[1], int(match[1]))
+        nodes = (BEAM_NODE_COUNTS if role == "beam" else NODE_COUNTS).get(match[1], int(match[1]))
         if nodes not in shapes:
             return None
         shape = shapes[nodes]
@@ -84,7 +84,13 @@ def element_type(name: str) -> ElementType | None:
             return ElementType(shape, role, nodes, ends, (1,) * (nodes - 2))
         corners = CORNERS[shape]
         stop = corners + len(EDGES[shape]) * (nodes > corners)
-        inner = INNER_27 if nodes == 27 else tuple(range(stop, nodes)) if shape == "quad" else ()
+        inner = (
+            C3D27_INNER_NODES
+            if nodes == 27
+            else tuple(range(stop, nodes))
+            if shape == "quad"
+            else ()
+        )
         mids = tuple(range(corners, stop))
         return ElementType(shape, role, nodes, tuple(range(corners)), mids, inner)
     return None
@@ -102,9 +108,9 @@ class AbaqusMesh:
     blocks: list[Block] = field(default_factory=list)
     #: of the cells of the blocks, then of `others`
     elements: Numbering = field(default_factory=lambda: Numbering(NO_ROWS))
-    cells: int = 0
+    cell_count: int = 0
     #: elements that are not cells: (type, its number and nodes as written)
-    others: list[tuple[str, Row]] = field(default_factory=list)
+    non_cells: list[tuple[str, Row]] = field(default_factory=list)
     #: sets of the options NSET= and ELSET=: (which, name, rows)
     sets: list[tuple[str, str, IntArray]] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
@@ -113,7 +119,7 @@ class AbaqusMesh:
 def mesh_of(cards: list[Card], name: str) -> AbaqusMesh:
     """The mesh that some cards define; `name` is the part's, for messages."""
     for card in cards:
-        written_out = card.keyword not in GENERATORS
+        written_out = card.keyword not in GENERATOR_CARDS
         card.needs(written_out, f"{card.label} is not read: write the nodes and elements out.")
     mesh = AbaqusMesh()
     _read_nodes(mesh, cards)
@@ -133,7 +139,7 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
         if card.keyword == "NODE" and "PRINT" not in card.options:
             rows = card.rows()
             labels += [whole_number(row.word(0), row.place) for row in rows]
-            points += (origin + _rectangular(card, rows) @ axes).tolist()
+            points += (origin + _rectangular_coordinates(card, rows) @ axes).tolist()
         elif card.keyword == "SYSTEM":
             origin, axes = _local_system(card)
         else:
@@ -156,7 +162,7 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
     mesh.sets = [(kind, name, mesh.nodes.rows(members)) for kind, name, members in mesh.sets]
 
 
-def _rectangular(card: Card, rows: Sequence[Row]) -> Array:
+def _rectangular_coordinates(card: Card, rows: Sequence[Row]) -> Array:
     """Rectangular coordinates (n, 3) of *NODE, whose cylindrical ones are (r, θ in degrees, z)."""
     system = card.option("SYSTEM", "R").upper()
     known = "give rectangular or cylindrical coordinates."
@@ -193,9 +199,9 @@ def _read_elements(mesh: AbaqusMesh, cards: list[Card], name: str) -> None:
     for card in cards:
         if card.keyword != "ELEMENT" or "OUTPUT" in card.options:
             continue
-        kind = card.needed("TYPE").upper().replace(" ", "")
+        kind = card.required_option("TYPE").upper().replace(" ", "")
         if element_type(kind) is None:
-            numbers_read = np.array(_read_others(mesh, card, kind), dtype=np.int64)
+            numbers_read = np.array(_read_non_cells(mesh, card, kind), dtype=np.int64)
             other_numbers += numbers_read.tolist()
         else:
             numbers_read = _read_cells(mesh, card, kind)
@@ -204,7 +210,7 @@ def _read_elements(mesh: AbaqusMesh, cards: list[Card], name: str) -> None:
         if card.option("ELSET") and len(numbers_read):
             sets.append((card.option("ELSET"), numbers_read))
 
-    mesh.cells = sum(map(len, cells))
+    mesh.cell_count = sum(map(len, cells))
     all_numbers = np.concatenate([NO_ROWS, *cells, np.array(other_numbers, dtype=np.int64)])
     numbers, count = np.unique(all_numbers, return_counts=True)
     if (count > 1).any():
@@ -214,24 +220,26 @@ def _read_elements(mesh: AbaqusMesh, cards: list[Card], name: str) -> None:
     mesh.sets += [("ELSET", label, mesh.elements.rows(members)) for label, members in sets]
 
 
-def _read_others(mesh: AbaqusMesh, card: Card, kind: str) -> list[int]:
+def _read_non_cells(mesh: AbaqusMesh, card: Card, type_name: str) -> list[int]:
     """Read one card's elements that are not cells; return their numbers."""
-    width = next((count for pattern, count in NON_CELLS.items() if re.fullmatch(pattern, kind)), 0)
+    width = next(
+        (count for pattern, count in NON_CELLS.items() if re.fullmatch(pattern, type_name)), 0
+    )
     rows = [row for row in card.rows() if row.word(0)]
     for row in rows:
         if len(row.fields) <= width:
-            raise _too_few_nodes(row.place, row.word(0), kind, len(row.fields) - 1, width)
+            raise _too_few_nodes(row.place, row.word(0), type_name, len(row.fields) - 1, width)
         row.fields = row.fields[: 1 + width]
-    mesh.others += [(kind, row) for row in rows]
-    return [row.whole(0) for row in rows]
+    mesh.non_cells += [(type_name, row) for row in rows]
+    return [row.integer(0) for row in rows]
 
 
-def _read_cells(mesh: AbaqusMesh, card: Card, kind: str) -> IntArray:
+def _read_cells(mesh: AbaqusMesh, card: Card, type_name: str) -> IntArray:
     """Read one card's cells; return their numbers."""
-    element_kind = element_type(kind)
+    element_kind = element_type(type_name)
     assert element_kind is not None
-    rows, places = _element_rows(mesh, card, element_kind.nodes, kind)
-    table = np.array(rows, dtype=np.int64).reshape(-1, 1 + element_kind.nodes)
+    rows, places = _element_rows(mesh, card, element_kind.node_count, type_name)
+    table = np.array(rows, dtype=np.int64).reshape(-1, 1 + element_kind.node_count)
     nodes = mesh.nodes.rows(table[:, 1:])
     bad_rows = np.flatnonzero(((nodes < 0) & (table[:, 1:] != 0)).any(axis=1))
     if not len(bad_rows):  # a middle node may be left out
@@ -239,22 +247,26 @@ def _read_cells(mesh: AbaqusMesh, card: Card, kind: str) -> IntArray:
     if len(bad_rows):
         row = int(bad_rows[0])
         missing_node = int(table[row, 1:][nodes[row] < 0][0])
-        fault = f"element {table[row, 0]} ({kind}) has the node {missing_node}, which the deck does"
-        raise places[row].error(f"{fault} not define ({len(bad_rows)} such elements).")
+        fault = f"element {table[row, 0]} ({type_name}) has the node {missing_node}, which"
+        raise places[row].error(
+            f"{fault} the deck does not define ({len(bad_rows)} such elements)."
+        )
     if len(table):
         corners, mids, inner = (nodes[:, list(node_columns)] for node_columns in element_kind[3:])
-        mesh.blocks.append(Block(element_kind.shape, kind, corners, mids, inner, element_kind.role))
+        mesh.blocks.append(
+            Block(element_kind.shape, type_name, corners, mids, inner, element_kind.role)
+        )
     return table[:, 0]
 
 
 def _element_rows(
-    mesh: AbaqusMesh, card: Card, width: int, kind: str
+    mesh: AbaqusMesh, card: Card, node_count: int, type_name: str
 ) -> tuple[list[list[int]], list[DeckPlace]]:
     """(lists of [number, nodes …], their places) of a card's elements, of one or more lines each.
 
-    `width`: nodes of an element; `kind`: its type, for messages.
+    `node_count`: nodes of an element; `type_name`: its type, for messages.
     """
-    fewest = 1 + width
+    fewest = 1 + node_count
     rows: list[list[int]] = []
     places: list[DeckPlace] = []
     current: list[int] = []
@@ -268,8 +280,8 @@ def _element_rows(
             numbers = [int(word) for word in words if word and not word.isspace()]
         except ValueError:
             numbers = [whole_number(word, place) for word in words if word.strip()]
-        small = max(map(abs, numbers), default=0) <= LARGEST_NUMBER
-        place.needs(small, "a number of a node or element is too large.")
+        small = max(map(abs, numbers), default=0) <= MAX_LABEL
+        place.require(small, "a number of a node or element is too large.")
         current += numbers
         if len(current) >= fewest:
             longer += len(current) > fewest
@@ -278,14 +290,19 @@ def _element_rows(
             current = []
 
     if current:
-        raise _too_few_nodes(start, current[0], kind, len(current) - 1, width)
+        raise _too_few_nodes(start, current[0], type_name, len(current) - 1, node_count)
     if longer:
-        message = f"{card.place}: {longer} {kind} elements list more than their {width} nodes"
-        mesh.remarks.append(f"{message}; the first {width} are taken, as CalculiX does.")
+        message = (
+            f"{card.place}: {longer} {type_name} elements list more than their {node_count} nodes"
+        )
+        mesh.remarks.append(f"{message}; the first {node_count} are taken, as CalculiX does.")
     return rows, places
 
 
-def _too_few_nodes(place: DeckPlace, label: object, kind: str, nodes: int, width: int) -> MeshError:
-    """The error of an element of `nodes` nodes, whose type has `width`."""
-    message = f"element {label} of type {kind} has {nodes} nodes; it must have {width}"
+def _too_few_nodes(
+    place: DeckPlace, element_label: object, type_name: str, node_count: int, needed_count: int
+) -> MeshError:
+    """The error of an element of `node_count` nodes, whose type needs `needed_count`."""
+    counts = f"has {node_count} nodes; it must have {needed_count}"
+    message = f"element {element_label} of type {type_name} {counts}"
     return place.error(f"{message}: the deck is cut off, or of another program.")

@@ -20,7 +20,7 @@ from antiosc_decks.properties import Material, Profile, constants_of_stiffness, 
 #: Kinds of *ELASTIC by their first letters -> how many constants each has.
 ELASTIC_CONSTANTS = {"ISO": 2, "ENGINEERINGCONSTANTS": 9, "LAMINA": 6, "ORTHO": 9, "ANISO": 21}
 #: Reorders Abaqus's 11, 22, 33, 12, 13, 23 to 11, 22, 33, 23, 13, 12.
-VOIGT = [0, 1, 2, 5, 4, 3]
+VOIGT_ORDER = [0, 1, 2, 5, 4, 3]
 
 
 def materials_of(cards: list[Card], builder: ModelBuilder) -> dict[str, Material]:
@@ -29,23 +29,23 @@ def materials_of(cards: list[Card], builder: ModelBuilder) -> dict[str, Material
     current: Material | None = None
     for card in cards:
         if card.keyword == "MATERIAL":
-            name = card.needed("NAME")
+            name = card.required_option("NAME")
             if earlier := materials.get(name.upper()):
                 message = f"the material {name!r} is defined more than once, first in"
                 raise card.place.error(f"{message} {earlier.place}.")
             current = materials[name.upper()] = Material(name, card.place)
         elif current is not None and card.keyword == "ELASTIC":
-            kind = _elastic(current, card)
+            kind = _set_elasticity(current, card)
             if kind == "ISO" and len(card.lines) > 1:
-                builder.tell_once(f"*ELASTIC of other temperatures ({card.place})")
+                builder.report_once(f"*ELASTIC of other temperatures ({card.place})")
         elif current is not None and card.keyword == "DENSITY":
             current.density = card.first().real(0)
     for material in materials.values():
-        builder.complete(material)
+        builder.complete_elasticity(material)
     return materials
 
 
-def _elastic(material: Material, card: Card) -> str:
+def _set_elasticity(material: Material, card: Card) -> str:
     """Set the constants of a material from *ELASTIC; return their kind."""
     word = "".join(card.option("TYPE", "ISO").split()).upper()
     kind = next((name for name in ELASTIC_CONSTANTS if word.startswith(name)), "")
@@ -66,7 +66,7 @@ def _elastic(material: Material, card: Card) -> str:
     elif kind == "ENGINEERINGCONSTANTS":
         material.constants = v
     elif kind == "ANISO":  # the upper triangle by columns: the lower one by rows
-        material.stiffness = symmetric(v)[np.ix_(VOIGT, VOIGT)]
+        material.stiffness = symmetric(v)[np.ix_(VOIGT_ORDER, VOIGT_ORDER)]
     else:
         D = np.diag([0.0, 0.0, 0.0, *v[6:]])
         D[:3, :3] = symmetric(v[:6])
@@ -83,36 +83,36 @@ class Orientations:
 
     def __init__(self, cards: Iterable[Card]) -> None:
         self._cards = {
-            (card.within.prefix + card.needed("NAME")).upper(): card
+            (card.scope.prefix + card.required_option("NAME")).upper(): card
             for card in cards
             if card.keyword == "ORIENTATION"
         }
 
-    def find(self, name: str, by: Card) -> Card | None:
+    def find_card(self, name: str, by: Card) -> Card | None:
         """The card of this name in the scope of the card `by`, or in the assembly; else None."""
-        card = self._cards.get((by.within.prefix + name).upper())
+        card = self._cards.get((by.scope.prefix + name).upper())
         return card or self._cards.get(name.upper())
 
     def _card(self, name: str, by: Card, place: DeckPlace | None) -> tuple[Card, bool]:
         """(the card of this name, whether it is cylindrical)."""
-        card = self.find(name, by)
+        card = self.find_card(name, by)
         if card is None:
             message = f"there is no orientation {name!r} (*ORIENTATION, NAME=)."
             raise (place or by.place).error(message)
         return card, card.option("SYSTEM").upper().startswith("C")
 
-    def at(self, name: str, by: Card, x: Array) -> Array:
+    def directions_at(self, name: str, by: Card, x: Array) -> Array:
         """Directions 1, 2 and 3, as rows, at each of the points `x` (n, 3): (n, 3, 3)."""
         card, cylindrical = self._card(name, by, None)
         if not cylindrical:
-            return np.broadcast_to(self.rectangular(name, by), (len(x), 3, 3))
+            return np.broadcast_to(self.rectangular_axes(name, by), (len(x), 3, 3))
 
-        scope = card.within
-        a, b = np.reshape(card.first().reals(6), (2, 3)) @ scope.turn.T + scope.shift
+        scope = card.scope
+        a, b = np.reshape(card.first().reals(6), (2, 3)) @ scope.rotation.T + scope.translation
         card.needs((a != b).any(), "a cylindrical *ORIENTATION needs two points on its axis.")
-        return around_axis(a, b, x)
+        return cylindrical_axes(a, b, x)
 
-    def rectangular(self, name: str, by: Card, place: DeckPlace | None = None) -> Array:
+    def rectangular_axes(self, name: str, by: Card, place: DeckPlace | None = None) -> Array:
         """Directions 1, 2 and 3, as rows, of an orientation that must be rectangular."""
         card, cylindrical = self._card(name, by, place)
         by.needs(not cylindrical, f"the orientation {name!r} is CYLINDRICAL: give it RECTANGULAR.")
@@ -120,22 +120,22 @@ class Orientations:
         by_points &= card.option("SYSTEM", "R").upper().startswith("R")
         card.needs(by_points, "*ORIENTATION is read as RECTANGULAR or CYLINDRICAL, by points.")
 
-        a, b, origin = np.reshape(card.first().reals(9), (3, 3)) @ card.within.turn.T
+        a, b, origin = np.reshape(card.first().reals(9), (3, 3)) @ card.scope.rotation.T
         axes = geometry.axes_of(a - origin, b - origin)
         card.needs(axes[2].any(), "the two points of *ORIENTATION give no plane.")
 
         for row in card.rows()[1:2]:  # degrees about direction 3, for shells the normal
             if degrees := row.real(1):
                 row.needs(row.word(0) == "3", "*ORIENTATION is read with a rotation about 3 only.")
-                axes[:2] = geometry.rotated(axes[:2], axes[2], degrees)
+                axes[:2] = geometry.rotated_about(axes[:2], axes[2], degrees)
         return axes
 
-    def frame(self, by: Card) -> Array:
+    def card_axes(self, by: Card) -> Array:
         """Directions of a card's ORIENTATION=, which must be rectangular."""
-        return self.rectangular(by.option("ORIENTATION"), by)
+        return self.rectangular_axes(by.option("ORIENTATION"), by)
 
 
-def around_axis(a: Array, b: Array, x: Array) -> Array:
+def cylindrical_axes(a: Array, b: Array, x: Array) -> Array:
     """Radial (0 on the axis), tangential, axial unit vectors (n, 3, 3) at `x`; the axis: a to b."""
     z = b - a
     radial = x - a - ((x - a) @ z / (z @ z))[:, None] * z
@@ -151,7 +151,7 @@ BEAM_SECTIONS: dict[str, tuple[int, int, Callable[[list[float]], Profile]]] = {
     "CIRC": (1, 1, lambda d: geometry.ellipse(*(d[:2] if len(d) > 1 else [2 * d[0]] * 2))),
     "PIPE": (2, 2, lambda d: geometry.tube(d[0], d[1])),
     "BOX": (6, 6, lambda d: geometry.box(*d[:4])),
-    "GENERAL": (5, 2, lambda d: Profile(d[0], d[3], d[1], d[4], geometry.RECTANGLE)),
+    "GENERAL": (5, 2, lambda d: Profile(d[0], d[3], d[1], d[4], geometry.RECTANGLE_SHEAR)),
 }
 
 
@@ -172,38 +172,38 @@ def profile_of(card: Card) -> Profile:
 
 
 #: Degrees from the normal below which x cannot be direction 1 of a shell (Abaqus: 0.1).
-STEEP = 0.1
+NORMAL_ANGLE = 0.1
 #: Tolerance in degrees within which a layer's angle must be the same in all elements.
-SAME_ANGLE = 0.5
+ANGLE_TOLERANCE = 0.5
 SHELL_CARDS = ("SHELLSECTION", "SHELLGENERALSECTION", "MEMBRANESECTION")
 SECTION_CARDS = ("SOLIDSECTION", *SHELL_CARDS, "BEAMSECTION", "BEAMGENERALSECTION")
 #: OFFSET= of shells -> the share of the thickness from the middle surface to the nodes.
-OFFSETS = {"": 0.0, "MIDDLE": 0.0, "SPOS": 0.5, "SNEG": -0.5}
-IN_PLANE = {"plane stress", "plane strain"}
+SHELL_OFFSETS = {"": 0.0, "MIDDLE": 0.0, "SPOS": 0.5, "SNEG": -0.5}
+PLANE_ROLES = {"plane stress", "plane strain"}
 
 
 class Sections:
     """Adds the sections of a deck to a model builder."""
 
-    def __init__(self, assembled: AbaqusDeck, builder: ModelBuilder) -> None:
-        self.assembled = assembled
+    def __init__(self, assembly: AbaqusDeck, builder: ModelBuilder) -> None:
+        self.assembled = assembly
         self.builder = builder
-        self.materials = materials_of(assembled.cards, builder)
-        self.orientations = Orientations(assembled.cards)
-        cards = assembled.named("NODALTHICKNESS")
+        self.materials = materials_of(assembly.cards, builder)
+        self.orientations = Orientations(assembly.cards)
+        cards = assembly.cards_named("NODALTHICKNESS")
         #: thickness at the nodes, nan if not given; number of elements in which it varies
-        self.thickness = np.full(len(assembled.deck.points) if cards else 0, np.nan)
+        self.thickness = np.full(len(assembly.deck.points) if cards else 0, np.nan)
         self.varying = 0
         for row in (row for card in cards for row in card.rows() if row.word(1)):
             self.thickness[row.nodes()] = row.real(1)
-        for card in assembled.named(*SECTION_CARDS):
-            self._read(card)
+        for card in assembly.cards_named(*SECTION_CARDS):
+            self._read_section(card)
         if self.varying:
             told = f"the variation of the thickness within {self.varying} elements"
             told = f"{told} (*NODAL THICKNESS, {cards[0].place}), the mean of the corners is taken"
-            self.builder.tell_once(told)
+            self.builder.report_once(told)
 
-    def _read(self, card: Card) -> None:
+    def _read_section(self, card: Card) -> None:
         """Add the section of one card."""
         elements = card.elements()
         if not len(elements):
@@ -215,35 +215,42 @@ class Sections:
         card.needs(flat, "axisymmetric elements: revolve the part in your CAD.")
         for kind in types:
             if kind.startswith("D"):
-                self.builder.tell_once(f"the heat transfer of {kind}, which carry forces here")
+                self.builder.report_once(f"the heat transfer of {kind}, which carry forces here")
             if kind.startswith("M3D"):
                 bend = f"that {kind} do not bend: they are shells of their thickness"
-                self.builder.tell_once(bend)
+                self.builder.report_once(bend)
 
         composite = "COMPOSITE" in card.options
-        name = card.within.spelled(card.option("ELSET"))
+        name = card.scope.original_name(card.option("ELSET"))
         if card.keyword in SHELL_CARDS and roles == {"shell"}:
-            self._shells(card, name, elements)
+            self._add_shells(card, name, elements)
             return
         if card.keyword == "SOLIDSECTION" and roles == {"rod"}:
-            area = _positive(card, "area of rods") * self.builder.units.length**2
+            area = _positive_number(card, "area of rods") * self.builder.units.length**2
             name, kind = "rods", "Truss"
-            arguments = {**self._isotropic(card, "solids"), "area": area, "torsion": 0.0}
+            arguments = {**self._isotropic_arguments(card, "solids"), "area": area, "torsion": 0.0}
         elif card.keyword == "SOLIDSECTION" and roles == {"solid"}:
-            kind, arguments = self._solid(card)
-        elif "BEAM" not in card.keyword and len(roles) == 1 and roles <= IN_PLANE and not composite:
-            kind, arguments = self._plane(card, *roles)  # a thickness means the same of shells
+            kind, arguments = self._solid_family(card)
+        elif (
+            "BEAM" not in card.keyword
+            and len(roles) == 1
+            and roles <= PLANE_ROLES
+            and not composite
+        ):
+            kind, arguments = self._plane_family(
+                card, *roles
+            )  # a thickness means the same of shells
         elif "BEAM" in card.keyword and roles == {"beam"}:
             given = np.flatnonzero(np.isfinite(self.thickness))
             nodal = any(np.isin(block.nodes, given).any() for block in blocks)
             nodal |= "NODALTHICKNESS" in card.options
             card.needs(not nodal, "beams with *NODAL THICKNESS: give dimensions in *BEAM SECTION.")
-            kind, arguments = self._beam(card, elements)
+            kind, arguments = self._beam_family(card, elements)
         else:
-            self._refuse(card, roles, types)
-        self.builder.add(name, elements, GroupSection(kind, arguments, card.place))
+            self._refuse_elements(card, roles, types)
+        self.builder.add_section(name, elements, GroupSection(kind, arguments, card.place))
 
-    def _refuse(self, card: Card, roles: set[str], types: list[str]) -> NoReturn:
+    def _refuse_elements(self, card: Card, roles: set[str], types: list[str]) -> NoReturn:
         """Raise the error of a section card that does not fit its elements."""
         kinds = ", ".join(types)
         mixed = f"one section for {' and '.join(sorted(roles))} elements ({kinds})"
@@ -257,37 +264,37 @@ class Sections:
         message = f"there is no material {name!r} (*MATERIAL, NAME=)."
         return place.look_up(self.materials, name.upper(), message)
 
-    def _isotropic(self, card: Card, what: str) -> Json:
+    def _isotropic_arguments(self, card: Card, what: str) -> Json:
         """Family arguments of the card's material, which must be isotropic."""
-        material = self._material(card.needed("MATERIAL"), card.place)
+        material = self._material(card.required_option("MATERIAL"), card.place)
         return self.builder.isotropic(material, what)
 
-    def _solid(self, card: Card) -> tuple[str, Json]:
+    def _solid_family(self, card: Card) -> tuple[str, Json]:
         """Family and arguments of *SOLID SECTION."""
-        material = self._material(card.needed("MATERIAL"), card.place)
-        stiffness = self.builder.anisotropic(material)
+        material = self._material(card.required_option("MATERIAL"), card.place)
+        stiffness = self.builder.anisotropic_stiffness(material)
         if stiffness is None:
-            return "Solid", self._isotropic(card, "solids")
+            return "Solid", self._isotropic_arguments(card, "solids")
         arguments: Json = {"stiffness": stiffness, "rho": self.builder.rho(material)}
         if card.option("ORIENTATION"):
-            arguments["axes"] = self.orientations.frame(card)[:2].tolist()
+            arguments["axes"] = self.orientations.card_axes(card)[:2].tolist()
         else:
-            card.refuse_turned()
+            card.refuse_rotated()
         return "AnisotropicSolid", arguments
 
-    def _plane(self, card: Card, role: str) -> tuple[str, Json]:
+    def _plane_family(self, card: Card, role: str) -> tuple[str, Json]:
         """Family and arguments of plane stress or plane strain elements."""
-        thickness = _positive(card, "thickness") * self.builder.units.length
+        thickness = _positive_number(card, "thickness") * self.builder.units.length
         plane = {"plane": role.removeprefix("plane "), "thickness": thickness}
-        return "Solid", {**self._isotropic(card, "solids"), **plane}
+        return "Solid", {**self._isotropic_arguments(card, "solids"), **plane}
 
-    def _shells(self, card: Card, name: str, elements: IntArray) -> None:
+    def _add_shells(self, card: Card, name: str, elements: IntArray) -> None:
         """Add shells of one material or of layers; several groups if the thickness varies."""
         word = card.option("OFFSET").upper()
-        share = OFFSETS[word] if word in OFFSETS else real_number(word, card.place)
+        share = SHELL_OFFSETS[word] if word in SHELL_OFFSETS else real_number(word, card.place)
         rows = card.rows()
         if "COMPOSITE" not in card.options:
-            material = self._material(card.needed("MATERIAL"), card.place)
+            material = self._material(card.required_option("MATERIAL"), card.place)
             thickness = card.first().real(0)
             if material.constants is None or material.isotropic is not None:
                 elastic = self.builder.isotropic(material, "shells")
@@ -298,25 +305,29 @@ class Sections:
                     self.builder.add_shells(label, members, family, -share * value)
                 return
             rows = [Row(f"{thickness!r},,{material.name},0", card, card.place)]
-        layers, axes = self._laminate(card, elements, rows)
+        layers, axes = self._laminate_arguments(card, elements, rows)
         thickness = sum(layer["thickness"] for layer in layers) / self.builder.units.length
         family = GroupSection("Laminate", {"layers": layers}, card.place)
         self.builder.add_shells(name, elements, family, -share * thickness, axes)
         nodes = self.assembled.deck.nodes_of(elements)
         if len(self.thickness) and np.isfinite(self.thickness[nodes]).any():
-            self.builder.tell_once(f"*NODAL THICKNESS of layers, which have theirs ({card.place})")
+            self.builder.report_once(
+                f"*NODAL THICKNESS of layers, which have theirs ({card.place})"
+            )
 
-    def _zero_direction(self, card: Card, elements: IntArray, steep: float = STEEP) -> Array:
+    def _zero_direction(
+        self, card: Card, elements: IntArray, normal_angle: float = NORMAL_ANGLE
+    ) -> Array:
         """Direction of 0° in each element (n, 3): ORIENTATION=, else x, else z.
 
-        z where x is within `steep` degrees of the normal.
+        z where x is within `normal_angle` degrees of the normal.
         """
         name = card.option("ORIENTATION")
         if name:
-            return self._directions(name, card, elements, card.place)
-        card.refuse_turned()
+            return self._first_directions(name, card, elements, card.place)
+        card.refuse_rotated()
         normals = geometry.normals_of(self.assembled.deck, elements)
-        x_is_normal = np.abs(normals[:, :1]) > math.cos(math.radians(steep))
+        x_is_normal = np.abs(normals[:, :1]) > math.cos(math.radians(normal_angle))
         return np.where(x_is_normal, np.eye(3)[2], np.eye(3)[0])
 
     def _by_thickness(
@@ -336,37 +347,39 @@ class Sections:
         for value in np.unique(thickness):
             yield float(value), elements[thickness == value]
 
-    def _laminate(
+    def _laminate_arguments(
         self, card: Card, elements: IntArray, rows: list[Row]
     ) -> tuple[list[dict[str, float]], Array]:
         """(arguments of the layers, direction of 0° in each element)."""
         normals = geometry.normals_of(self.assembled.deck, elements)
         words = [(row.word(2) or card.option("MATERIAL"), row.place) for row in rows]
         materials = [self._material(*word) for word in words]
-        oriented = [row for row in rows if self.orientations.find(row.word(3), card)]
+        oriented = [row for row in rows if self.orientations.find_card(row.word(3), card)]
         if oriented and not card.option("ORIENTATION"):
-            axis = self._directions(oriented[0].word(3), card, elements, card.place)
+            axis = self._first_directions(oriented[0].word(3), card, elements, card.place)
         else:
             isotropic = all(material.isotropic is not None for material in materials)
-            axis = self._zero_direction(card, elements, 45.0 if isotropic else STEEP)
+            axis = self._zero_direction(card, elements, 45.0 if isotropic else NORMAL_ANGLE)
         layers: list[dict[str, float]] = []
         for row, material in zip(rows, materials, strict=True):
             if row in oriented:
-                directions = self._directions(row.word(3), card, elements, row.place)
+                directions = self._first_directions(row.word(3), card, elements, row.place)
                 angle = _angle_between(axis, directions, normals, row.place)
             else:
                 angle = row.real(3)
-            layers.append(self.builder.layer(material, row.real(0), angle))
+            layers.append(self.builder.layer_arguments(material, row.real(0), angle))
         return layers, axis
 
-    def _directions(self, name: str, card: Card, elements: IntArray, place: DeckPlace) -> Array:
+    def _first_directions(
+        self, name: str, card: Card, elements: IntArray, place: DeckPlace
+    ) -> Array:
         """Direction 1 of a rectangular orientation, for each element (n, 3)."""
-        axes = self.orientations.rectangular(name, card, place)
+        axes = self.orientations.rectangular_axes(name, card, place)
         return np.broadcast_to(axes[0], (len(elements), 3))
 
-    def _beam(self, card: Card, elements: IntArray) -> tuple[str, Json]:
+    def _beam_family(self, card: Card, elements: IntArray) -> tuple[str, Json]:
         """Family and arguments of a beam section."""
-        arguments = self._isotropic(card, "beams")
+        arguments = self._isotropic_arguments(card, "beams")
         profile = profile_of(card)
         if card.option("SECTION").upper().startswith("CIRC") and len(card.first().fields) == 1:
             told = f"{card.place}: the one number of SECTION=CIRC is taken for the radius, as "
@@ -377,15 +390,15 @@ class Sections:
         rows = card.rows()
 
         if len(rows) > 1:
-            axis = card.within.turn @ rows[1].reals(3)
+            axis = card.scope.rotation @ rows[1].reals(3)
         elif profile.I_side != profile.I or any(shares):
-            card.refuse_turned()
+            card.refuse_rotated()
         offset = shares[0] * profile.height
         card.needs(not all(shares), "a beam off its nodes in both directions is not supported.")
 
         if shares[1]:
             tangents = geometry.tangents_of(self.assembled.deck, elements)
-            tangent = geometry.common_direction(tangents, least=1 - 1e-9)
+            tangent = geometry.common_direction(tangents, least_cosine=1 - 1e-9)
             if tangent is None:
                 raise card.place.error("OFFSET2 is read for beams in one direction only.")
             offset = shares[1] * profile.width
@@ -401,13 +414,13 @@ def _angle_between(axis: Array, direction: Array, normals: Array, place: DeckPla
     flat = [v - np.einsum("ni,ni->n", v, normals)[:, None] * normals for v in (axis, direction)]
     sine = np.einsum("ni,ni->n", np.cross(*flat), normals)
     degrees = np.degrees(np.arctan2(sine, np.einsum("ni,ni->n", *flat)))
-    equal = np.abs((degrees - degrees[0] + 90) % 180 - 90).max() <= SAME_ANGLE
-    place.needs(equal, "the *ORIENTATION of a layer turns from element to element; give angles.")
+    equal = np.abs((degrees - degrees[0] + 90) % 180 - 90).max() <= ANGLE_TOLERANCE
+    place.require(equal, "the *ORIENTATION of a layer turns from element to element; give angles.")
     return float(degrees[0])
 
 
-def _positive(card: Card, what: str) -> float:
-    """The first number of a card's first line, `what` in messages; 1 if it is left out."""
+def _positive_number(card: Card, quantity: str) -> float:
+    """The first number of a card's first line, `quantity` in messages; 1 if it is left out."""
     value = card.first().real(0, 1.0)
-    card.first().needs(value > 0, f"the {what} must be above 0; it is {value:g}.")
+    card.first().needs(value > 0, f"the {quantity} must be above 0; it is {value:g}.")
     return value

@@ -12,15 +12,15 @@ from antiosc.base.errors import MeshError
 from antiosc.base.plausible import DENSITIES, MASSLESS_WAVE
 from antiosc.io.conversion import Array, Deck, IntArray
 from antiosc.io.neutral import Json, MotionTerm, UnitSystem
-from antiosc_decks.constraints import DeckConstraints, one_piece, separate_copies
+from antiosc_decks.constraints import DeckConstraints, piece_mask, separate_copies
 from antiosc_decks.entries import DeckPlace
 from antiosc_decks.properties import (
     Material,
-    at_centres,
     common_direction,
-    curved,
-    top_of,
-    unit,
+    directions_at_centres,
+    is_curved,
+    top_directions,
+    unit_rows,
 )
 
 
@@ -34,14 +34,14 @@ def chosen_elements(deck: Deck, length: float) -> BoolArray:
             names = ", ".join(map(repr, known[:20])) or "none"
             raise MeshError(f"{deck.name} has no elements of a part {name!r}; it has: {names}.")
         selected[members] = True
-    return selected if deck.piece is None else one_piece(deck, selected, length)
+    return selected if deck.piece is None else piece_mask(deck, selected, length)
 
 
-MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
+MOTION_NAMES = ("x", "y", "z", "rx", "ry", "rz")
 #: Poisson's ratio of a material that has the modulus of the caller.
-POISSON = 0.3
+DEFAULT_POISSON = 0.3
 #: Direction cosines below this are rounding errors.
-LEAST_TERM = 1e-12
+COSINE_ROUNDING = 1e-12
 
 
 class GroupSection(NamedTuple):
@@ -59,7 +59,7 @@ def cards_text(cards: Sequence[str]) -> str:
     return cards[0] if len(cards) == 1 else f"{len(cards)} {what}"
 
 
-class Unstated(NamedTuple):
+class MaterialDefaults(NamedTuple):
     """Values for materials whose density or modulus the deck does not state."""
 
     #: kg/m³
@@ -71,10 +71,10 @@ class Unstated(NamedTuple):
 
 
 class ModelBuilder:
-    """Collects a model in SI units; `antiosc_decks.finished.finished` returns it."""
+    """Collects a model in SI units; `antiosc_decks.finished.complete_model` returns it."""
 
     def __init__(
-        self, deck: Deck, units: UnitSystem, unstated: Unstated, lumped: bool = False
+        self, deck: Deck, units: UnitSystem, defaults: MaterialDefaults, lumped: bool = False
     ) -> None:
         #: (node of a repeated element, original node that it follows)
         self.copies = separate_copies(deck)
@@ -82,8 +82,8 @@ class ModelBuilder:
         #: lumped: the deck gives masses at nodes, so that materials may have no density
         self.deck = deck
         self.units = units
-        self.unstated = unstated
-        self.lumped = lumped or unstated.massless
+        self.defaults = defaults
+        self.lumped = lumped or defaults.massless
         #: sections; the group name of each; index of the section of each element (-1: none)
         self.families: list[GroupSection] = []
         self.names: list[str] = []
@@ -105,7 +105,7 @@ class ModelBuilder:
         self.joints = DeckConstraints(deck, self.used, self.has_rotations)
         self.chosen = chosen_elements(deck, units.length)
 
-    def find_nodes(self) -> None:
+    def mark_nodes(self) -> None:
         """Mark the nodes of chosen elements, and those that have rotations (shells, beams)."""
         blocks = [block[self.chosen[rows]] for block, rows in self.deck.numbered()]
         self.truss = {block.role for block in blocks if len(block)} == {"rod"}
@@ -118,11 +118,11 @@ class ModelBuilder:
                 self.gone[block.nodes] = False
         self.gone &= ~self.used
 
-    def complete(self, material: Material) -> None:
+    def complete_elasticity(self, material: Material) -> None:
         """Give a material without elasticity the modulus that the caller gave for such ones."""
-        given = (material.constants, material.stiffness, material.plane)
-        if self.unstated.modulus is not None and all(numbers is None for numbers in given):
-            material.set_isotropic(self.unstated.modulus / self.units.stress, POISSON)
+        given = (material.constants, material.stiffness, material.plane_stiffness)
+        if self.defaults.modulus is not None and all(numbers is None for numbers in given):
+            material.set_isotropic(self.defaults.modulus / self.units.stress, DEFAULT_POISSON)
 
     def rho(self, material: Material) -> float:
         """Density of a material in kg/m³."""
@@ -130,37 +130,36 @@ class ModelBuilder:
         if material.density:
             density = material.density * self.units.density
             material.needs(
-                density <= DENSITIES[1] or self.unstated.massless,
-                f"the density {material.density:g} of {label} is {density:.3g} kg/m³, more than"
-                " any solid has: give the unit of the deck (unit), or mend it (a mass per volume).",
+                density <= DENSITIES[1] or self.defaults.massless,
+                f"the density {material.density:g} of {label} is {density:.3g} kg/m³, more than any solid has: give the unit of the deck (unit), or mend it (a mass per volume).",
             )
             return density
 
-        if self.unstated.density is not None:
-            return self.unstated.density
+        if self.defaults.density is not None:
+            return self.defaults.density
         remedy = "add it to the deck, or give a density in kg/m³."
         material.needs(self.lumped, f"{label} has no density: {remedy}")
-        self.tell_once("the mass of {}, whose density is 0", material.name)
+        self.report_once("the mass of {}, whose density is 0", material.name)
         return material.modulus * self.units.stress / MASSLESS_WAVE**2
 
     def isotropic(self, material: Material, what: str) -> Json:
         """E (Pa), nu and rho (kg/m³) of a material that must be isotropic."""
-        E, nu = self.elastic(material, what)
+        E, nu = self.elastic_constants(material, what)
         return {"E": E, "nu": nu, "rho": self.rho(material)}
 
-    def elastic(self, material: Material, what: str) -> tuple[float, float]:
+    def elastic_constants(self, material: Material, what: str) -> tuple[float, float]:
         """(E in Pa, nu) of a material that must be isotropic; beams use its E and G."""
         material.elasticity()
         E, nu = material.isotropic or (0.0, 0.0)
         fault = f"the material {material.name!r} is not isotropic, but {what} must be."
         material.needs(material.isotropic, fault)
-        if what in ("beams", "rods") and material.of_lines is not None:
-            E, G = material.of_lines
+        if what in ("beams", "rods") and material.line_moduli is not None:
+            E, G = material.line_moduli
             material.needs(G > 0, f"{material.name} needs G above 0 for {what}, or a blank one.")
             nu = E / (2 * G) - 1
         return E * self.units.stress, nu
 
-    def anisotropic(self, material: Material) -> list[list[float]] | None:
+    def anisotropic_stiffness(self, material: Material) -> list[list[float]] | None:
         """Stiffness matrix (6, 6) of a solid in Pa; None if it is isotropic."""
         C = material.stiffness
         if C is None:
@@ -175,7 +174,9 @@ class ModelBuilder:
             C = np.linalg.inv(S)
         return ((C + C.T) / 2 * self.units.stress).tolist()  # type: ignore[no-any-return]
 
-    def layer(self, material: Material, thickness: float, angle: float) -> dict[str, float]:
+    def layer_arguments(
+        self, material: Material, thickness: float, angle: float
+    ) -> dict[str, float]:
         """Arguments of a `Layer`; the thickness is in the deck's units."""
         E1, E2, _, nu12, _, _, *G = material.elasticity().tolist()
         moduli = zip(("E1", "E2", "G12", "G13", "G23"), (E1, E2, *G), strict=True)
@@ -183,10 +184,10 @@ class ModelBuilder:
         arguments |= {"nu12": nu12, "rho": self.rho(material), "angle": angle}
         return arguments | {"thickness": thickness * self.units.length}
 
-    def add(self, name: str, elements: IntArray, family: GroupSection) -> None:
+    def add_section(self, name: str, elements: IntArray, section: GroupSection) -> None:
         """Set the section of elements, the group `name`, in place of an earlier one."""
         self.of_element[elements] = len(self.families)
-        self.families.append(family)
+        self.families.append(section)
         self.names.append(name)
 
     def add_shells(
@@ -204,24 +205,24 @@ class ModelBuilder:
         deck = self.deck
         length = self.units.length
         arguments = dict(family.arguments)
-        top = top_of(deck, elements, length) if offset or axes is not None else []
+        top = top_directions(deck, elements, length) if offset or axes is not None else []
         if axes is not None:
-            axes = unit(axes)
-            axis = common_direction(axes, least=1 - 1e-6)
+            axes = unit_rows(axes)
+            axis = common_direction(axes, least_cosine=1 - 1e-6)
             one = None if axis is None else axis.tolist()
-            arguments["axis"] = one or at_centres(deck, elements, axes, length)
+            arguments["axis"] = one or directions_at_centres(deck, elements, axes, length)
         if axes is not None or (offset and isinstance(top, dict)):
             arguments["top"] = top
         if offset:
             arguments["offset"] = offset * length
-            if curved(deck, elements):
+            if is_curved(deck, elements):
                 told = "the area of the offset surface of curved shells "
-                self.tell_once(f"{told}({family.place}), that at the nodes is taken")
-        self.add(name, elements, family._replace(arguments=arguments))
+                self.report_once(f"{told}({family.place}), that at the nodes is taken")
+        self.add_section(name, elements, family._replace(arguments=arguments))
 
-    def tell_once(self, ignored: str, of: str = "") -> None:
+    def report_once(self, property_text: str, of: str = "") -> None:
         """Report an ignored property once: the cards `of` of all calls stand in place of "{}"."""
-        self._told.setdefault(ignored, {})[of] = None
+        self._told.setdefault(property_text, {})[of] = None
 
     def ignored_texts(self) -> list[str]:
         """Texts of all that is ignored."""
@@ -234,50 +235,52 @@ class ModelBuilder:
             return
         self.fixed[nodes[:, None], np.array(motions, dtype=np.int64)] = True
 
-    def hold(self) -> None:
+    def apply_local_supports(self) -> None:
         """Turn motions fixed along local axes into supports or constraints; tie copies.
 
         Axes near x, y, z are taken for these. The nodes of repeated elements follow the original
         ones.
         """
-        for node, frame in self.joints.frames.items():
-            self.fixed[node] = self.joints.fixed_along(node, self.fixed[node], frame)
+        for node, frame in self.joints.motion_axes.items():
+            self.fixed[node] = self.joints.fix_along(node, self.fixed[node], frame)
         for copy, node in self.copies:
             self.apart.append(copy)
             for motion in range(6 if self.has_rotations[copy] else 3):
                 self.joints.equations.append([(copy, motion, 1.0), (node, motion, -1.0)])
 
-    def link(
-        self, by: str, what: str, terms: list[MotionTerm], value: float, place: DeckPlace
+    def add_link(
+        self, by: str, quantity: str, terms: list[MotionTerm], value: float, place: DeckPlace
     ) -> None:
-        """Add the spring (`what` "stiffness") or damper of the card `by`, in the deck's units.
+        """Add the spring (`quantity` "stiffness") or damper of the card `by`, in the deck's units.
 
         Terms of fixed motions and rounding errors of directions are left out.
         """
-        place.needs(value >= 0, f"{by} has a negative {what}, {value:g}.")
+        place.require(value >= 0, f"{by} has a negative {quantity}, {value:g}.")
         moving = [t for t in terms if t[0] >= len(self.fixed) or not self.fixed[t[:2]]]
         moving = [
-            (*self.joints.alias.get((n, m), (n, m)), c) for n, m, c in moving if abs(c) > LEAST_TERM
+            (*self.joints.motion_alias.get((n, m), (n, m)), c)
+            for n, m, c in moving
+            if abs(c) > COSINE_ROUNDING
         ]
         if len(moving) == 1:
             ((node, motion, coefficient),) = moving
             moving = [(node, motion, 1.0)]
             value = value * coefficient**2
-        if moving and what == "stiffness":
+        if moving and quantity == "stiffness":
             self.joints.springs.append((moving, value))
         elif moving and value:
             self.joints.dampers.append((moving, value))
 
-    def mass(self, node: int, mass: float, inertia: list[float], place: DeckPlace) -> None:
+    def add_mass(self, node: int, mass: float, inertia: list[float], place: DeckPlace) -> None:
         """Add a point mass and its moments of inertia (3), in the deck's units."""
         scaled = [value * self.units.mass * self.units.length**2 for value in inertia]
         self.masses.append((node, place, mass * self.units.mass, scaled))
 
-    def body(self, node: int, matrix: Array, mass: float, place: DeckPlace) -> None:
+    def add_mass_matrix(self, node: int, matrix: Array, mass: float, place: DeckPlace) -> None:
         """Add a mass matrix (6, 6) for the motions of a node along x, y, z, in the deck's units."""
         size = np.array([1.0] * 3 + [self.units.length] * 3)
         M = matrix * np.outer(size, size) * self.units.mass
-        motions = [self.joints.alias.get((node, c), (node, c)) for c in range(6)]
+        motions = [self.joints.motion_alias.get((node, c), (node, c)) for c in range(6)]
         point = motions[0][0]
         if point < len(self.used) and self.used[point] and not self.has_rotations[point]:
             if M[3:, 3:].any():
@@ -288,10 +291,10 @@ class ModelBuilder:
             rows: list[list[MotionTerm]] = [[(*motions[c], 1.0)] for c in nonzero]
             self.joints.masses.append((rows, M[np.ix_(nonzero, nonzero)], mass * self.units.mass))
 
-    def scalar_mass(self, terms: list[MotionTerm], value: float, mass: float) -> None:
+    def add_scalar_mass(self, terms: list[MotionTerm], value: float, mass: float) -> None:
         """Add a scalar mass on a sum of motions, in the deck's units; the total grows by `mass`."""
         unit = self.units.mass
-        alias = self.joints.alias
+        alias = self.joints.motion_alias
         aliased = [(*alias.get((n, m), (n, m)), c) for n, m, c in terms]
         if any(n >= len(self.used) or self.used[n] or not self.fixed[n, m] for n, m, _ in aliased):
             self.joints.masses.append(([aliased], np.array([[value * unit]]), mass * unit))

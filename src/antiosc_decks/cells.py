@@ -27,7 +27,7 @@ from antiosc.io.neutral import (
 )
 
 
-def as_mesh(deck: Deck) -> FileMesh:
+def mesh_of_deck(deck: Deck) -> FileMesh:
     """The elements of a deck as cells, its sets as groups, with its model."""
     model = deck.model
     if model is None:
@@ -42,19 +42,18 @@ def as_mesh(deck: Deck) -> FileMesh:
     for label, shape, blocks in kinds[: None if is_assembly else 1] if deck.fixed else ():
         entities = FixedEntities(shape, mesh.cells[label], blocks, nodes)
         mark = fixed_group_name("", label) if is_assembly else ""
-        mesh.fixed |= {name + mark: entities.of(rows) for name, rows in deck.fixed.items()}
+        mesh.fixed |= {name + mark: entities.fixed_by(rows) for name, rows in deck.fixed.items()}
 
     # new nodes beside those that joints hold
     if is_assembly and model:
         joints = model["joints"]
         dependent = {terms[0][0] for terms in joints["equations"] if terms[0][0] >= 0}
-        joints["among"] = _among(nodes, np.array(sorted(dependent), dtype=np.int64))
+        joints["among"] = _means_among(nodes, np.array(sorted(dependent), dtype=np.int64))
 
     if deck.skipped:
         gone = sum(deck.skipped.values())
         mesh.remarks.append(
-            f"{deck.name} holds {deck.n_elements + gone} elements; {deck.n_elements} of them are "
-            f"cells of the mesh, which leaves out {counts_text(deck.skipped)}."
+            f"{deck.name} holds {deck.n_elements + gone} elements; {deck.n_elements} of them are cells of the mesh, which leaves out {counts_text(deck.skipped)}."
         )
     return mesh
 
@@ -78,13 +77,13 @@ class FixedEntities:
         self.mids = mids if mids.shape[1] == count else None
         self.edges = self.corners[:, np.array(EDGES[shape])]
         if self.mids is None:
-            self._around = _around_diagonals(blocks, self.edges, len(nodes.points))
+            self._around = _nodes_around_diagonals(blocks, self.edges, len(nodes.points))
 
-    def of(self, rows: IntArray) -> dict[int, IntArray]:
+    def fixed_by(self, rows: IntArray) -> dict[int, IntArray]:
         """Entities by dimension, as vertices, that are fixed where the nodes `rows` are fixed."""
         by_dimension = {0: np.intersect1d(rows, self.corners)[:, None]}
         is_fixed = np.zeros(self.nodes.count + 1, dtype=bool)
-        is_fixed[_between(self.nodes, rows)] = True
+        is_fixed[_rows_with_means(self.nodes, rows)] = True
         edges = is_fixed[self.edges].all(axis=2)
         if self.mids is not None:
             edges &= is_fixed[self.mids]
@@ -94,18 +93,20 @@ class FixedEntities:
         dim = DIMENSION[self.shape]
         by_dimension[1] = self.edges[edges]
         if dim == 3:
-            by_dimension[2] = np.vstack([self._faces(face, edges) for face in FACES[self.shape]])
+            by_dimension[2] = np.vstack(
+                [self._fixed_faces(face, edges) for face in FACES[self.shape]]
+            )
         if dim > 1:
             by_dimension[dim] = self.corners[edges.all(axis=1)]
         return {d: entities for d, entities in by_dimension.items() if len(entities)}
 
-    def _faces(self, face: tuple[int, ...], edges: np.ndarray) -> IntArray:
+    def _fixed_faces(self, face: tuple[int, ...], edges: np.ndarray) -> IntArray:
         """Vertices of the faces at corners `face` of cells whose `edges` (a mask) are all fixed."""
         of_face = [k for k, edge in enumerate(EDGES[self.shape]) if set(edge) <= set(face)]
         return self.corners[edges[:, of_face].all(axis=1)][:, list(face)]
 
 
-def _around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) -> IntArray:
+def _nodes_around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) -> IntArray:
     """Nodes (cells, edges, 8) that must all be fixed to fix a diagonal; -1: none.
 
     Edges of the deck have none. `edges`: pairs of nodes (cells, edges, 2); `n`: number of nodes.
@@ -130,14 +131,14 @@ def _around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) -> IntAr
     return np.vstack(node_rows)[row].reshape(*edges.shape[:2], 8)
 
 
-def _between(table: NodeTable, nodes: IntArray) -> IntArray:
+def _rows_with_means(table: NodeTable, nodes: IntArray) -> IntArray:
     """Rows of `nodes` and of the new nodes that are means of these alone."""
     others = np.ones(len(table.points))
     others[nodes] = 0.0
     return np.flatnonzero(abs(table.weights) @ others == 0)
 
 
-def _among(table: NodeTable, nodes: IntArray) -> list[tuple[int, list[tuple[int, float]]]]:
+def _means_among(table: NodeTable, nodes: IntArray) -> list[tuple[int, list[tuple[int, float]]]]:
     """[(new node, [(node of the file, weight)])] of new nodes among `nodes` of the file."""
     count = len(table.points)
     held = np.isin(np.arange(count), nodes).astype(float)

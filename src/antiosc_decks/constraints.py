@@ -24,7 +24,7 @@ from antiosc_decks.entries import DeckPlace
 from antiosc_decks.properties import AXIS_COSINE, fixed_along_axes
 
 NO_NODES = np.zeros(0, dtype=np.int64)
-ZERO = np.zeros(3)
+ZERO_VECTOR = np.zeros(3)
 #: Node -> directions of its motions, as rows.
 Frames = Mapping[int, Array]
 #: Indices of motions from 0 to 5.
@@ -33,7 +33,7 @@ Motions = Sequence[int]
 NEGLIGIBLE_TERM = 1e-14
 
 
-def lever(r: Array) -> Array:
+def lever_matrix(r: Array) -> Array:
     """The matrix (3, 3) with θ × r = lever(r) θ."""
     return np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
 
@@ -49,7 +49,7 @@ class DeckConstraints:
 
     deck: Deck
     #: nodes of elements, and those of elements with rotations
-    used: BoolArray
+    used_nodes: BoolArray
     has_rotations: BoolArray
     equations: list[list[MotionTerm]] = field(default_factory=list)
     #: (terms, stiffness): springs between motions
@@ -59,39 +59,41 @@ class DeckConstraints:
     #: masses on motions: (each motion as a list of terms, their mass matrix, total mass)
     masses: list[tuple[list[list[MotionTerm]], Array, float]] = field(default_factory=list)
     #: (node, motion) -> (node, motion) it stands for: a rotation node moves as another node turns
-    alias: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
+    motion_alias: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
     #: coordinates of points beyond the nodes of the deck
-    more: list[Array] = field(default_factory=list)
+    added_points: list[Array] = field(default_factory=list)
     #: node of solids -> the point with six motions that was added there
-    leaders: dict[int, int] = field(default_factory=dict)
+    leader_points: dict[int, int] = field(default_factory=dict)
     #: node -> its local axes, as rows
-    frames: dict[int, Array] = field(default_factory=dict)
+    motion_axes: dict[int, Array] = field(default_factory=dict)
 
     def place(self, node: int) -> Array:
         """Coordinates of a node or a further point."""
         count = len(self.deck.points)
-        return self.deck.points[node] if node < count else self.more[node - count]
+        return self.deck.points[node] if node < count else self.added_points[node - count]
 
-    def equation(self, terms: Iterable[MotionTerm], place: DeckPlace) -> None:
+    def add_equation(self, terms: Iterable[MotionTerm], place: DeckPlace) -> None:
         """Add Σ coefficient × motion = 0; motions of nodes with local axes are along these."""
-        components = ((c, *component) for n, m, c in terms for component in self._along_axes(n, m))
-        self._sum_is_zero([(*motion, c * value) for c, motion, value in components], place)
+        components = (
+            (c, *component) for n, m, c in terms for component in self._global_terms(n, m)
+        )
+        self._add_global_equation([(*motion, c * value) for c, motion, value in components], place)
 
-    def _sum_is_zero(self, terms: Iterable[MotionTerm], place: DeckPlace) -> None:
+    def _add_global_equation(self, terms: Iterable[MotionTerm], place: DeckPlace) -> None:
         """Add Σ coefficient × motion = 0, all motions along x, y, z."""
         total: dict[tuple[int, int], float] = {}
         for node, motion, coefficient in terms:
-            key = self.alias.get((node, motion), (node, motion))
+            key = self.motion_alias.get((node, motion), (node, motion))
             total[key] = total.get(key, 0.0) + coefficient
         largest = max(map(abs, total.values()), default=0.0)
         significant = [(*key, c) for key, c in total.items() if abs(c) > NEGLIGIBLE_TERM * largest]
         for node, motion, _ in significant:
-            has_motion = motion < 3 or not self._used(node) or self.has_rotations[node]
-            place.needs(has_motion, "nodes of solids do not rotate; constrain displacements.")
+            has_motion = motion < 3 or not self._is_used(node) or self.has_rotations[node]
+            place.require(has_motion, "nodes of solids do not rotate; constrain displacements.")
         if significant:
             self.equations.append(significant)
 
-    def fixed_along(self, node: int, fixed: BoolArray, frame: Array) -> BoolArray:
+    def fix_along(self, node: int, fixed: BoolArray, frame: Array) -> BoolArray:
         """Fix motions (6,) along the rows of `frame`; return those that supports must fix.
 
         Motions along an inclined row become equations. The mask returned (6,) is of motions along
@@ -113,22 +115,22 @@ class DeckConstraints:
                 self.equations.append([t for t in terms if abs(t[2]) > NEGLIGIBLE_TERM])
         return result
 
-    def elongation(
+    def elongation_terms(
         self, a: int, b: int, place: DeckPlace, first: int = 0
     ) -> tuple[list[MotionTerm], float]:
         """(terms of the elongation, or if `first` is 3 of the twist, of a line; its length)."""
         line = self.place(b) - self.place(a)
         length = float(np.linalg.norm(line))
-        place.needs(length != 0, "the ends of an element coincide, so that it has no direction.")
+        place.require(length != 0, "the ends of an element coincide, so that it has no direction.")
         unit = (line / length).tolist()
         ends = ((a, -1.0), (b, 1.0))
         return [(n, first + c, s * unit[c]) for n, s in ends for c in range(3)], length
 
-    def _along_axes(self, node: int, motion: int) -> list[tuple[tuple[int, int], float]]:
+    def _global_terms(self, node: int, motion: int) -> list[tuple[tuple[int, int], float]]:
         """A motion as the sum [((node, motion along x, y or z), coefficient)]."""
-        if (node, motion) in self.alias:
-            return [(self.alias[node, motion], 1.0)]
-        frame = self.frames.get(node)
+        if (node, motion) in self.motion_alias:
+            return [(self.motion_alias[node, motion], 1.0)]
+        frame = self.motion_axes.get(node)
         if frame is None:
             return [((node, motion), 1.0)]
         first = 3 * (motion // 3)
@@ -136,39 +138,39 @@ class DeckConstraints:
         order = np.argsort(-np.abs(row), kind="stable")
         return [((node, first + int(k)), float(row[k])) for k in order if row[k]]
 
-    def _used(self, node: int) -> bool:
+    def _is_used(self, node: int) -> bool:
         """Whether a node belongs to an element."""
-        return node < len(self.deck.points) and bool(self.used[node])
+        return node < len(self.deck.points) and bool(self.used_nodes[node])
 
-    def point(self, x: Array) -> int:
+    def add_point(self, x: Array) -> int:
         """Add a point with six motions at `x` (3,); return its number."""
-        self.more.append(np.asarray(x, dtype=float))
-        return len(self.deck.points) + len(self.more) - 1
+        self.added_points.append(np.asarray(x, dtype=float))
+        return len(self.deck.points) + len(self.added_points) - 1
 
-    def leader(self, node: int, rotation_node: int | None = None) -> int:
+    def leader_point(self, node: int, rotation_node: int | None = None) -> int:
         """Number of a point with six motions at a node.
 
         The displacements of `rotation_node` stand for the rotations of this point.
         """
-        point = self.leaders.get(node, node)
-        if point == node and self._used(node) and not self.has_rotations[node]:
-            self.leaders[node] = point = self.point(self.place(node))
+        point = self.leader_points.get(node, node)
+        if point == node and self._is_used(node) and not self.has_rotations[node]:
+            self.leader_points[node] = point = self.add_point(self.place(node))
             for c in range(3):
                 self.equations.append([(node, c, 1.0), (point, c, -1.0)])
         if rotation_node is not None and rotation_node != node:
             for c in range(3):
-                alias = self.alias.setdefault((rotation_node, c), (point, 3 + c))
+                alias = self.motion_alias.setdefault((rotation_node, c), (point, 3 + c))
                 if alias != (point, 3 + c):  # bodies that turn alike
                     self.equations.append([(point, 3 + c, 1.0), (*alias, -1.0)])
         return point
 
-    def rigid(
+    def add_rigid(
         self,
         nodes: IntArray,
         leader: int,
         motions: Motions,
         frames: Frames,
-        eccentricity: Array = ZERO,
+        eccentricity: Array = ZERO_VECTOR,
     ) -> None:
         """Let motions of nodes follow a point as a rigid body.
 
@@ -178,12 +180,12 @@ class DeckConstraints:
         """
         x = self.place(leader)
         for node in map(int, nodes[nodes != leader]):
-            arm = lever(self.place(node) - x - eccentricity)
+            arm = lever_matrix(self.place(node) - x - eccentricity)
             if eccentricity.any():
                 axis = frames[node][0]
-                arm = arm + np.outer(axis, axis) @ lever(eccentricity)
+                arm = arm + np.outer(axis, axis) @ lever_matrix(eccentricity)
             for first in (0, 3):
-                if first and self._used(node) and not self.has_rotations[node]:
+                if first and self._is_used(node) and not self.has_rotations[node]:
                     continue
                 for pivot, normal in _directions(frames.get(node), motions, first):
                     axes = sorted(np.flatnonzero(normal).tolist(), key=lambda k: k != pivot)
@@ -226,10 +228,10 @@ class DeckConstraints:
         turned = principal[:, resisted]
         inverse = (turned / values[resisted]) @ turned.T
         # θ = J⁻¹ Σ (w r × u + s θ)
-        skew = -np.array([lever(arm) for arm in r])
+        skew = -np.array([lever_matrix(arm) for arm in r])
         rotations = np.einsum("ij,p,pjk->ipk", inverse, w, skew)
         by_rotation = np.einsum("ik,p->ipk", inverse, spins)
-        cross = lever(self.place(follower) - centre)
+        cross = lever_matrix(self.place(follower) - centre)
         by_lever, lever_of_rotation = (
             np.einsum("ij,jpk->ipk", cross, table) for table in (rotations, by_rotation)
         )
@@ -237,9 +239,9 @@ class DeckConstraints:
         # a rotation about the line of the nodes does not displace a point on that line
         unknown = np.abs(cross @ principal[:, ~resisted]).max(initial=0.0) > 1e-9 * np.abs(r).max()
         known = resisted.all() or not any(c >= 3 or unknown for c in motions)
-        place.needs(known, "a mean rotation of nodes on one line is not known; take more nodes.")
+        place.require(known, "a mean rotation of nodes on one line is not known; take more nodes.")
         pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]
-        frame = self.frames.get(follower) if axes is None else axes
+        frame = self.motion_axes.get(follower) if axes is None else axes
         tables = (0, displacements, lever_of_rotation), (3, rotations, by_rotation)
 
         for first, table, rotation_table in tables:
@@ -250,9 +252,9 @@ class DeckConstraints:
                 terms += [(int(nodes[p]), k, -float(mean[p, k])) for p, k in pairs]
                 spin = np.einsum("i,ipk->pk", axis, rotation_table)
                 terms += [(int(nodes[p]), 3 + k, -float(spin[p, k])) for p, k in pairs if spins[p]]
-                self._sum_is_zero(terms, place)
+                self._add_global_equation(terms, place)
 
-    def keep(self, stays: Callable[[list[MotionTerm]], bool]) -> int:
+    def keep_terms(self, stays: Callable[[list[MotionTerm]], bool]) -> int:
         """Remove constraints, springs, dampers, masses whose terms fail `stays`; count these."""
         count_before = len(self.all_terms())
         self.equations = [terms for terms in self.equations if stays(terms)]
@@ -261,9 +263,11 @@ class DeckConstraints:
         self.masses = [element for element in self.masses if stays([*chain(*element[0])])]
         return count_before - len(self.all_terms())
 
-    def loose(self) -> list[int]:
+    def loose_nodes(self) -> list[int]:
         """The nodes without elements and the added points on which constraints or springs act."""
-        return sorted({n for terms in self.all_terms() for n, _, _ in terms if not self._used(n)})
+        return sorted(
+            {n for terms in self.all_terms() for n, _, _ in terms if not self._is_used(n)}
+        )
 
     def all_terms(self, dampers: bool = True) -> list[list[MotionTerm]]:
         """The terms of all constraints, springs, masses, and (if `dampers`) dampers."""
@@ -274,7 +278,7 @@ class DeckConstraints:
     def joints_in_si(self, units: UnitSystem) -> Joints:
         """The joints in SI units as JSON; nodes of no element have the numbers −1, −2, …."""
         length = units.length
-        loose_nodes = self.loose()
+        loose_nodes = self.loose_nodes()
         number = {node: -1 - k for k, node in enumerate(loose_nodes)}
 
         def scaled(terms: list[MotionTerm]) -> list[MotionTerm]:
@@ -317,12 +321,12 @@ def _directions(frame: Array | None, motions: Motions, first: int) -> list[tuple
 
 
 #: Share of the largest eigenvalue below which a rigid motion counts as free; rounding is 1e-16.
-UNHELD = 1e-10
+FREE_MOTION_TOLERANCE = 1e-10
 #: Pieces of a deck that are listed, that are told, and sets of each.
-MOST_PIECES, MOST_TOLD, MOST_SETS = 40, 6, 3
+MAX_LISTED_PIECES, MAX_NAMED_PIECES, MAX_PIECE_SETS = 40, 6, 3
 
 
-def one_piece(deck: Deck, chosen: BoolArray, length: float) -> BoolArray:
+def piece_mask(deck: Deck, chosen: BoolArray, length: float) -> BoolArray:
     """Mask of those `chosen` elements that are of the piece `deck.piece`; `length`: m per unit."""
     from antiosc.io.reading import described_pieces  # with scipy, for pieces alone
 
@@ -336,14 +340,14 @@ def one_piece(deck: Deck, chosen: BoolArray, length: float) -> BoolArray:
         raise MeshError(f"{deck.name} has {count_text}; there is no piece {rank}.")
     pieces = pieces[np.argsort(-count, kind="stable")]
     if len(pieces) > 1:
-        of_piece = (chosen & (label == piece) for piece in pieces[:MOST_PIECES])
-        deck.pieces = [_piece(deck, chosen, members) for members in of_piece]
-        text = described_pieces([piece.scaled(length) for piece in deck.pieces], MOST_TOLD)
+        of_piece = (chosen & (label == piece) for piece in pieces[:MAX_LISTED_PIECES])
+        deck.pieces = [_piece_record(deck, chosen, members) for members in of_piece]
+        text = described_pieces([piece.scaled(length) for piece in deck.pieces], MAX_NAMED_PIECES)
         deck.remarks.append(piece_is_read(deck.name, rank, len(pieces), text))
     return np.asarray(chosen & (label == pieces[rank - 1]))
 
 
-def _piece(deck: Deck, chosen: BoolArray, members: BoolArray) -> Piece:
+def _piece_record(deck: Deck, chosen: BoolArray, members: BoolArray) -> Piece:
     """One piece of the chosen elements, with the largest sets that are within it."""
     rows = np.concatenate([block.corners[members[k]].ravel() for block, k in deck.numbered()])
     x = deck.points[rows]
@@ -354,19 +358,23 @@ def _piece(deck: Deck, chosen: BoolArray, members: BoolArray) -> Piece:
         if is_within and remaining[elements].any():
             names.append(name)
             remaining[elements] = False
-    return Piece(", ".join(names[:MOST_SETS]), x.min(axis=0), x.max(axis=0))
+    return Piece(", ".join(names[:MAX_PIECE_SETS]), x.min(axis=0), x.max(axis=0))
 
 
 def count_pieces(
-    deck: Deck, x: Array, moves: BoolArray, fixed: BoolArray, rows: Sequence[list[MotionTerm]]
+    deck: Deck,
+    x: Array,
+    exists: BoolArray,
+    fixed: BoolArray,
+    constraints: Sequence[list[MotionTerm]],
 ) -> tuple[int, bool]:
     """(number of pieces that nothing joins, whether there are several and each is supported).
 
-    `x` (n, 3): coordinates of nodes and points; `moves`, `fixed` (n, 6): motions that exist, that
-    are fixed; `rows`: terms of each constraint and spring.
+    `x` (n, 3): coordinates of nodes and points; `exists`, `fixed` (n, 6): motions that exist, that
+    are fixed; `constraints`: terms of each constraint and spring.
     """
     tables = [np.hstack([block.corners, block.mids]) for block in deck.blocks]
-    tables += [np.array([[node for node, _, _ in terms]]) for terms in rows if terms]
+    tables += [np.array([[node for node, _, _ in terms]]) for terms in constraints if terms]
     nodes = np.unique(np.concatenate([NO_NODES, *(t.ravel() for t in tables)]))
     nodes = nodes[nodes >= 0]
     pieces = np.unique(connected_pieces(tables, len(x))[nodes], return_inverse=True)[1]
@@ -382,27 +390,27 @@ def count_pieces(
     r /= max(float(np.ptp(x[nodes], axis=0).max()), np.finfo(float).tiny)
 
     # Gram matrices of the rigid motions of each piece: at all nodes, and as they are resisted
-    acting = np.zeros_like(moves)
-    acting[nodes] = moves[nodes]
+    acting = np.zeros_like(exists)
+    acting[nodes] = exists[nodes]
     all_motions, resisted = np.zeros((2, count, 6, 6))
     for gram, mask in ((all_motions, acting), (resisted, acting & fixed)):
         at, motions = np.nonzero(mask)
-        motion = _motion(r[at], motions)
+        motion = _rigid_motion(r[at], motions)
         np.add.at(gram, piece[at], motion[:, :, None] * motion[:, None, :])
-    for terms in filter(None, rows):
+    for terms in filter(None, constraints):
         at, motions, c = (np.array(column) for column in zip(*terms, strict=True))
-        row = (c / np.abs(c).max()) @ _motion(r[at], motions)
+        row = (c / np.abs(c).max()) @ _rigid_motion(r[at], motions)
         resisted[piece[at[0]]] += np.outer(row, row)
 
     for against, gram in zip(resisted, all_motions, strict=True):
         values, vectors = np.linalg.eigh(against)
-        free = vectors[:, values <= UNHELD * max(values[-1], 1.0)]
-        if np.trace(free.T @ gram @ free) > UNHELD * np.trace(gram):
+        free = vectors[:, values <= FREE_MOTION_TOLERANCE * max(values[-1], 1.0)]
+        if np.trace(free.T @ gram @ free) > FREE_MOTION_TOLERANCE * np.trace(gram):
             return count, False
     return count, True
 
 
-def _motion(r: Array, motions: IntArray) -> Array:
+def _rigid_motion(r: Array, motions: IntArray) -> Array:
     """Each motion (0 to 5) of the node at its row of r (n, 3), in six rigid motions: (n, 6)."""
     rows = np.eye(6)[motions]
     by_rotation = np.cross(np.eye(3)[:, None], r)  # (axis, node, direction)

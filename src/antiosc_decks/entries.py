@@ -15,10 +15,10 @@ K = TypeVar("K")
 V = TypeVar("V")
 
 #: Largest number of a node or element; larger ones indicate a damaged file.
-LARGEST_NUMBER = 2**62
+MAX_LABEL = 2**62
 #: Largest quantity in a deck; its powers stay within double precision. Smaller ones than its
 #: inverse are zero.
-LARGEST_REAL = 1e60
+MAX_REAL = 1e60
 
 
 @dataclass(frozen=True)
@@ -35,25 +35,25 @@ class DeckPlace:
         """MeshError with this file and line, and the sentence `text`."""
         return MeshError(f"{self}: {text}")
 
-    def needs(self, holds: object, text: str) -> None:
-        """MeshError with file, line and the sentence `text` unless the condition `holds`."""
-        if not holds:
+    def require(self, condition: object, text: str) -> None:
+        """MeshError with file, line and the sentence `text` unless `condition` holds."""
+        if not condition:
             raise self.error(text)
 
     def look_up(self, known: Mapping[K, V], key: K, text: str) -> V:
         """`known[key]`; MeshError with this file, line and the sentence `text` if it is unknown."""
-        self.needs(key in known, text)
+        self.require(key in known, text)
         return known[key]
 
 
-class Placed:
+class DeckItem:
     """A card, an entry or a line of a deck."""
 
     place: DeckPlace
 
-    def needs(self, holds: object, text: str) -> None:
-        """MeshError with file, line and the sentence `text` unless the condition `holds`."""
-        self.place.needs(holds, text)
+    def needs(self, condition: object, text: str) -> None:
+        """MeshError with file, line and the sentence `text` unless `condition` holds."""
+        self.place.require(condition, text)
 
 
 class Numbering:
@@ -70,7 +70,7 @@ class Numbering:
         place = np.minimum(np.searchsorted(self.labels, labels), len(self.labels) - 1)
         return np.where(self.labels[place] == labels, self.order[place], -1)
 
-    def between(self, first: int, last: int, step: int = 1) -> IntArray:
+    def rows_between(self, first: int, last: int, step: int = 1) -> IntArray:
         """Rows of the existing numbers among first, first + step, … up to `last`."""
         low, high = np.searchsorted(self.labels, [first, last + 1])
         labels = self.labels[low:high]
@@ -89,7 +89,7 @@ def whole_number(text: str, place: DeckPlace) -> int:
         if not (abs(number) < 2**53 and number.is_integer()):
             raise place.error(f"{text.strip()[:40]!r} is not an integer.") from None
         value = int(number)
-    if abs(value) > LARGEST_NUMBER:
+    if abs(value) > MAX_LABEL:
         raise place.error(f"the number {text.strip()[:40]} is too large.")
     return value
 
@@ -107,8 +107,8 @@ def real_number(text: str, place: DeckPlace) -> float:
             value = float("nan")
     if not np.isfinite(value) or "_" in word:
         raise place.error(f"{text.strip()[:40]!r} is not a number.")
-    if abs(value) > LARGEST_REAL:
+    if abs(value) > MAX_REAL:
         raise place.error(f"the number {text.strip()[:40]} is too large.")
-    if abs(value) > 1 / LARGEST_REAL:
+    if abs(value) > 1 / MAX_REAL:
         return value
     return 0.0

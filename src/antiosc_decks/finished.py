@@ -14,13 +14,13 @@ from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import Deck, folded
 from antiosc.io.neutral import DIMENSION, EDGES, Json, Model, MotionTerm, connected_pieces
-from antiosc_decks.builder import MOTIONS, GroupSection, ModelBuilder
+from antiosc_decks.builder import MOTION_NAMES, GroupSection, ModelBuilder
 from antiosc_decks.constraints import count_pieces
 from antiosc_decks.entries import DeckPlace
-from antiosc_decks.sources import lines
+from antiosc_decks.sources import lines_text
 
 #: Components of a rod's direction below this share of the largest are rounding errors.
-FLAT = 1e-8
+DIRECTION_ROUNDING = 1e-8
 
 
 def join_rods(builder: ModelBuilder) -> BoolArray:
@@ -42,11 +42,11 @@ def join_rods(builder: ModelBuilder) -> BoolArray:
         deck.remarks.append(f"{count} are springs, with their mass at their ends.")
     for node, (mass, place) in masses.items():
         if mass:
-            builder.mass(node, mass, [0.0] * 3, place)
+            builder.add_mass(node, mass, [0.0] * 3, place)
     return rods
 
 
-def hold_without_stiffness(builder: ModelBuilder) -> None:
+def fix_unresisted(builder: ModelBuilder) -> None:
     """Fix motions along x, y, z that nothing resists, as AUTOSPC of Nastran does."""
     stiff = np.zeros((len(builder.used), 3))
     for block in builder.deck.blocks:
@@ -58,40 +58,40 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
         for node, motion, _ in terms:
             if node < len(stiff) and motion < 3:
                 stiff[node, motion] = 1.0
-    for node, _ in joints.alias:  # motions along axes of its own
+    for node, _ in joints.motion_alias:  # motions along axes of its own
         if node < len(stiff):
             stiff[node] = 1.0
-    free = builder.used[:, None] & (stiff <= FLAT) & ~builder.fixed[:, :3]
+    free = builder.used[:, None] & (stiff <= DIRECTION_ROUNDING) & ~builder.fixed[:, :3]
     if free.any():
         builder.fixed[:, :3] |= free
         message = f"{int(free.sum())} motions of nodes of {builder.deck.name} against which no rod"
         builder.deck.remarks.append(f"{message} is stiff are held (AUTOSPC).")
 
 
-def _add_rod(builder: ModelBuilder, nodes: list[int], family: GroupSection) -> float:
+def _add_rod(builder: ModelBuilder, nodes: list[int], section: GroupSection) -> float:
     """Add springs for the elongation and twist of a rod; return its volume in the deck's unit."""
     units = builder.units
-    given = family.arguments
+    given = section.arguments
     E = given["E"] / units.stress
     area = given["area"] / units.length**2
     twist = E / (2 * (1 + given["nu"])) * given["torsion"] / units.length**4
 
     a, b = nodes
-    terms, length = builder.joints.elongation(a, b, family.place)
-    builder.link("a rod", "stiffness", terms, E * area / length, family.place)
+    terms, length = builder.joints.elongation_terms(a, b, section.place)
+    builder.add_link("a rod", "stiffness", terms, E * area / length, section.place)
     if twist and builder.has_rotations[nodes].all():
-        terms, _ = builder.joints.elongation(a, b, family.place, 3)
-        builder.link("a rod", "stiffness", terms, twist / length, family.place)
+        terms, _ = builder.joints.elongation_terms(a, b, section.place, 3)
+        builder.add_link("a rod", "stiffness", terms, twist / length, section.place)
     return area * length
 
 
 #: (number of a point of no element, motions that are fixed).
-Held = list[tuple[int, list[str]]]
+FixedPoints = list[tuple[int, list[str]]]
 #: What may be joined in one structure.
-JOINED = {"solid", "shell", "beam"}
+JOINABLE_ROLES = {"solid", "shell", "beam"}
 
 
-def finished(builder: ModelBuilder) -> Model:
+def complete_model(builder: ModelBuilder) -> Model:
     """Complete the model of a deck."""
     _keep_elements(builder, builder.chosen)
     _refuse_uncovered(builder)
@@ -100,21 +100,21 @@ def finished(builder: ModelBuilder) -> Model:
     _keep_elements(builder, ~join_rods(builder))
     roles = {block.role for block in builder.deck.blocks if len(block)}
 
-    if len(roles) > 1 and not roles <= JOINED:
+    if len(roles) > 1 and not roles <= JOINABLE_ROLES:
         kinds = " and ".join(sorted(roles))
         remedy = "plane elements are read alone: give each kind a deck of its own."
         raise MeshError(f"{builder.deck.name} has {kinds} elements in one structure; {remedy}")
 
-    _hold_middles(builder)
+    _fix_middle_nodes(builder)
     _drop_free_followers(builder)
     _drop_unconnected(builder)
     joints = builder.joints
     grounded = [element for element in joints.springs if len(element[0]) == 1]
     joins_nodes = len(joints.all_terms()) > len(grounded)  # anything that joins nodes
 
-    mixed = "shell" in roles and _two_meshes(builder.deck)
+    mixed = "shell" in roles and _needs_two_meshes(builder.deck)
     stiffened = roles == {"shell", "beam"} and not mixed and not joins_nodes
-    stiffened = stiffened and _beams_on_edges(builder)
+    stiffened = stiffened and _are_beams_on_edges(builder)
     has_parts = mixed or (len(roles) > 1 and not stiffened)
 
     attached = [element[0] for element in builder.masses] + [terms[0][0] for terms, _ in grounded]
@@ -123,9 +123,9 @@ def finished(builder: ModelBuilder) -> Model:
     if is_assembly:
         _masses_as_matrices(builder)
     if stiffened:
-        _shear_with_shells(builder)
+        _add_beam_shear(builder)
 
-    plane = not builder.truss and not roles <= JOINED
+    plane = not builder.truss and not roles <= JOINABLE_ROLES
     count = 2 if plane else 3 if builder.truss or roles == {"solid"} else 6
     fixed_points = _fixed_points(builder, plane)
     pieces, supported = _pieces_and_supports(builder, count, fixed_points)
@@ -136,7 +136,10 @@ def finished(builder: ModelBuilder) -> Model:
     units = builder.units
     values = [units.force * units.length ** (1 if m > 2 else -1) for m in range(6)]
     alone = [] if is_assembly else grounded
-    springs = [(_point(builder, n), {MOTIONS[m]: k * values[m]}) for ((n, m, _),), k in alone]
+    springs = [
+        (_coordinates_in_metres(builder, n), {MOTION_NAMES[m]: k * values[m]})
+        for ((n, m, _),), k in alone
+    ]
 
     groups: list[tuple[str, str, Json, str]] = []
     for number in np.unique(builder.of_element).tolist():
@@ -152,8 +155,11 @@ def finished(builder: ModelBuilder) -> Model:
 
     return {
         "families": groups,
-        "supports": _supports(builder, count),
-        "masses": [(_point(builder, n), mass, inertia) for n, _, mass, inertia in builder.masses],
+        "supports": _support_groups(builder, count),
+        "masses": [
+            (_coordinates_in_metres(builder, n), mass, inertia)
+            for n, _, mass, inertia in builder.masses
+        ],
         "springs": springs,
         "ignored": builder.ignored_texts(),
         "gdim": 2 if count == 2 else 3,
@@ -168,22 +174,25 @@ def finished(builder: ModelBuilder) -> Model:
     }
 
 
-def _pieces_and_supports(builder: ModelBuilder, count: int, fixed_points: Held) -> tuple[int, bool]:
+def _pieces_and_supports(
+    builder: ModelBuilder, motion_count: int, fixed_points: FixedPoints
+) -> tuple[int, bool]:
     """(number of pieces of the deck, whether there are several and each is supported).
 
-    `count`: motions of a node, 2, 3 or 6; `fixed_points`: motions fixed of points of no element.
+    `motion_count`: motions of a node, 2, 3 or 6; `fixed_points`: motions that are fixed of points
+    of no element.
     """
     joints = builder.joints
     nodes = len(builder.deck.points)
-    x = np.vstack([builder.deck.points, *joints.more])
+    x = np.vstack([builder.deck.points, *joints.added_points])
     has_motion, fixed = np.zeros((2, len(x), 6), dtype=bool)
-    has_motion[:nodes, :count] = True
+    has_motion[:nodes, :motion_count] = True
     has_motion[:nodes, 3:] &= builder.has_rotations[:, None]
     fixed[:nodes] = builder.fixed
-    loose = joints.loose()
+    loose = joints.loose_nodes()
     has_motion[loose] = True
     for number, motions in fixed_points:
-        fixed[loose[-1 - number], [MOTIONS.index(name) for name in motions]] = True
+        fixed[loose[-1 - number], [MOTION_NAMES.index(name) for name in motions]] = True
     rows = [*joints.equations, *(terms for terms, _ in joints.springs)]
     return count_pieces(builder.deck, x, has_motion, fixed, rows)
 
@@ -217,19 +226,19 @@ def _drop_unconnected(builder: ModelBuilder) -> None:
     joints = builder.joints
     used = builder.used
     node_rows = [np.array([[n for n, *_ in terms]]) for terms in joints.all_terms() if terms]
-    label = connected_pieces(node_rows, len(used) + len(joints.more))
+    label = connected_pieces(node_rows, len(used) + len(joints.added_points))
     is_connected = np.isin(label, label[: len(used)][used])
 
     def moves(node: int) -> bool:
-        return bool(is_connected[joints.alias.get((node, 0), (node, 0))[0]])
+        return bool(is_connected[joints.motion_alias.get((node, 0), (node, 0))[0]])
 
     held = [e for e in builder.masses if not used[e[0]] and builder.fixed[e[0], :3].all()]
     builder.ignored += [f"a mass on a held node of no element ({entry[1]})" for entry in held]
     if unjoined := [entry[1] for entry in builder.masses if not moves(entry[0])]:
-        builder.ignored.append(f"masses that nothing joins to an element ({lines(unjoined)})")
+        builder.ignored.append(f"masses that nothing joins to an element ({lines_text(unjoined)})")
     builder.masses = [e for e in builder.masses if moves(e[0]) and e not in held]
 
-    count = joints.keep(lambda terms: any(moves(n) for n, _, _ in terms))
+    count = joints.keep_terms(lambda terms: any(moves(n) for n, _, _ in terms))
     loaded = {(n, m) for terms in joints.all_terms(dampers=False) for n, m, _ in terms}
     for node, _, mass, inertia in builder.masses:
         loaded |= {(node, c) for c, m in enumerate([mass] * 3 + inertia) if m}
@@ -254,15 +263,15 @@ def _masses_as_matrices(builder: ModelBuilder) -> None:
     masses, builder.masses = builder.masses, []
     for node, place, mass, inertia in masses:
         M = np.diag([mass] * 3 + [value / units.length**2 for value in inertia]) / units.mass
-        builder.body(node, M, mass / units.mass, place)
+        builder.add_mass_matrix(node, M, mass / units.mass, place)
 
 
-def _point(builder: ModelBuilder, node: int) -> list[float]:
+def _coordinates_in_metres(builder: ModelBuilder, node: int) -> list[float]:
     """Coordinates of a node in m."""
     return [float(c) * builder.units.length for c in builder.deck.points[node]]
 
 
-def _beams_on_edges(builder: ModelBuilder) -> bool:
+def _are_beams_on_edges(builder: ModelBuilder) -> bool:
     """Whether all beams lie on edges of shells."""
     edges: dict[bool, set[tuple[int, int]]] = {True: set(), False: set()}
     for block in builder.deck.blocks:
@@ -271,7 +280,7 @@ def _beams_on_edges(builder: ModelBuilder) -> bool:
     return edges[True] <= edges[False]
 
 
-def _shear_with_shells(builder: ModelBuilder) -> None:
+def _add_beam_shear(builder: ModelBuilder) -> None:
     """Let beams on edges of shells deform in shear, as the shells do."""
     for family in builder.families:
         if family.kind == "Beam" and not family.arguments.get("shear", True):
@@ -280,18 +289,18 @@ def _shear_with_shells(builder: ModelBuilder) -> None:
             builder.ignored.append(told)
 
 
-def _fixed_points(builder: ModelBuilder, plane: bool) -> Held:
+def _fixed_points(builder: ModelBuilder, plane: bool) -> FixedPoints:
     """[(number of a point of no element, its motions that are fixed or free of forces)]."""
     joints = builder.joints
-    loose = {node: -1 - k for k, node in enumerate(joints.loose())}
+    loose = {node: -1 - k for k, node in enumerate(joints.loose_nodes())}
     loaded = {(n, m) for terms in joints.all_terms() for n, m, _ in terms}
     held = {(n, m) for n in loose for m in range(6) if (n, m) not in loaded}
     fixed = zip(*(axis.tolist() for axis in np.nonzero(builder.fixed)), strict=True)
-    held |= {joints.alias.get(motion, motion) for motion in fixed}
+    held |= {joints.motion_alias.get(motion, motion) for motion in fixed}
 
-    names = {"x", "y", "rz"} if plane else set(MOTIONS)
+    names = {"x", "y", "rz"} if plane else set(MOTION_NAMES)
     points = [
-        (k, sorted({MOTIONS[m] for m in range(6) if (n, m) in held})) for n, k in loose.items()
+        (k, sorted({MOTION_NAMES[m] for m in range(6) if (n, m) in held})) for n, k in loose.items()
     ]
     kept = [(k, [name for name in motions if name in names]) for k, motions in points]
     return [(k, motions) for k, motions in kept if motions]
@@ -308,16 +317,16 @@ def _refuse_uncovered(builder: ModelBuilder) -> None:
             raise MeshError(f"{builder.deck.name}: {uncovered} of {label} {message}")
 
 
-def _supports(builder: ModelBuilder, count: int) -> list[tuple[str, list[str]]]:
-    """[(group, [motion])], one group of fixed nodes for each of the `count` motions of a node.
+def _support_groups(builder: ModelBuilder, motion_count: int) -> list[tuple[str, list[str]]]:
+    """[(group, [motion])], one group of fixed nodes for each motion of a node.
 
     One group for each, since an edge is fixed where all its nodes are.
     """
-    fixed = builder.fixed[:, :count] & builder.used[:, None]
-    motions = [k for k in range(count) if fixed[:, k].any()]
+    fixed = builder.fixed[:, :motion_count] & builder.used[:, None]
+    motions = [k for k in range(motion_count) if fixed[:, k].any()]
     for k in motions:
-        builder.deck.fixed[f"fixed {MOTIONS[k]}"] = np.flatnonzero(fixed[:, k])
-    return [(f"fixed {MOTIONS[k]}", [MOTIONS[k]]) for k in motions]
+        builder.deck.fixed[f"fixed {MOTION_NAMES[k]}"] = np.flatnonzero(fixed[:, k])
+    return [(f"fixed {MOTION_NAMES[k]}", [MOTION_NAMES[k]]) for k in motions]
 
 
 def _keep_elements(builder: ModelBuilder, mask: BoolArray) -> None:
@@ -333,7 +342,7 @@ def _keep_elements(builder: ModelBuilder, mask: BoolArray) -> None:
     builder.of_element = builder.of_element[mask]
 
     gone = set(np.flatnonzero(builder.gone).tolist())
-    count = builder.joints.keep(lambda terms: not any(n in gone for n, *_ in terms))
+    count = builder.joints.keep_terms(lambda terms: not any(n in gone for n, *_ in terms))
     masses = [entry for entry in builder.masses if entry[0] not in gone]
     count += len(builder.masses) - len(masses)
     builder.masses = masses
@@ -342,7 +351,7 @@ def _keep_elements(builder: ModelBuilder, mask: BoolArray) -> None:
         builder.ignored.append(f"{count} {what}")
 
 
-def _hold_middles(builder: ModelBuilder) -> None:
+def _fix_middle_nodes(builder: ModelBuilder) -> None:
     """Add constraints for fixed middle nodes of edges whose ends are not both fixed."""
     fixed = builder.fixed
     constrained: set[tuple[int, int]] = set()
@@ -359,7 +368,7 @@ def _hold_middles(builder: ModelBuilder) -> None:
             builder.joints.equations.append([(node, motion, 1.0)])
 
 
-def _two_meshes(deck: Deck) -> bool:
+def _needs_two_meshes(deck: Deck) -> bool:
     """Whether quadrilaterals and the few triangles beside them become two meshes.
 
     So they do without solids.

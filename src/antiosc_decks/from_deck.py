@@ -60,7 +60,7 @@ from antiosc_decks.shared_nodes import NodeConstraints, SharedNodes
 
 
 @dataclass(frozen=True, eq=False)
-class Nearest:
+class NearestDirection:
     """Function that gives each cell the direction of the nearest of n places, both (n, 3)."""
 
     places: ArrayLike
@@ -85,7 +85,7 @@ def attachments(model: Model) -> list[PointMass | Spring | Damper]:
     return [*masses, *(Spring(at, stiffness) for at, stiffness in model["springs"])]
 
 
-def joined(
+def join_parts(
     parts: Mapping[str, Structure],
     numbers: Mapping[str, IntArray],
     model: Model,
@@ -122,13 +122,15 @@ def joined(
         parts,
         [*shared, constraints],
         points=points,
-        supports=[*own_supports, *_of_parts(parts, supports)],
+        supports=[*own_supports, *_supports_of_parts(parts, supports)],
         attached=[*attachments(model), *attached],
         solver=solver,
     )
 
 
-def _of_parts(parts: Mapping[str, Structure], supports: Sequence[Support]) -> list[Support]:
+def _supports_of_parts(
+    parts: Mapping[str, Structure], supports: Sequence[Support]
+) -> list[Support]:
     """Supports whose group is replaced by the group of this name in each part that has it."""
     of_parts = []
     for support in supports:
@@ -143,9 +145,9 @@ def _of_parts(parts: Mapping[str, Structure], supports: Sequence[Support]) -> li
 ContactChoice: TypeAlias = Literal["tied", "apart"]
 CONTACT_CHOICES: tuple[ContactChoice, ...] = ("tied", "apart")
 #: Names of the parts of a deck whose cells are joined, by their dimension.
-PARTS = {3: "solids", 2: "faces", 1: "beams"}
+PART_NAMES = {3: "solids", 2: "faces", 1: "beams"}
 #: Name of the part with the triangles, if there are quadrilaterals too.
-TRIANGLES = "triangles"
+TRIANGLE_PART = "triangles"
 FAMILIES: dict[str, Callable[..., Family]] = {
     family.__name__: family
     for family in (Solid, AnisotropicSolid, Shell, Truss, GivenSheet, Laminate, Beam)
@@ -262,12 +264,12 @@ def read_model(
         timeout=timeout,
     )
 
-    strength = Strength.given(yield_strength, yield_range)
+    strength = Strength.from_arguments(yield_strength, yield_range)
     added_supports = checks.list_of("supports", supports, Support, "Support objects")
     added_attachments = attachments_of(attached)
     raws = on_root(comm, read)
     first = next(iter(raws.values()))
-    model = _model(first)
+    model = _model_read(first)
     for sentence in first.remarks:
         warn(comm, sentence)
 
@@ -279,14 +281,16 @@ def read_model(
 
     shared = MPI.COMM_SELF if model["joined"] else comm  # each rank has the whole of an assembly
     structures = {
-        name: _part(raw, file.name, shared, solver, added_supports, added_attachments, strength)
+        name: _part_structure(
+            raw, file.name, shared, solver, added_supports, added_attachments, strength
+        )
         for name, raw in raws.items()
     }
     if not model["joined"]:
         return next(iter(structures.values()))
     numbers = {name: raw.numbers for name, raw in raws.items()}
 
-    return joined(structures, numbers, model, added_supports, added_attachments, solver)
+    return join_parts(structures, numbers, model, added_supports, added_attachments, solver)
 
 
 class DeckFacts(NamedTuple):
@@ -299,33 +303,39 @@ class DeckFacts(NamedTuple):
     pieces: Sequence[Piece]
 
 
-def materials_of_deck(path: str | Path, unit: str | float = "m", **options: Any) -> DeckFacts:
+def facts_of_deck(path: str | Path, unit: str | float = "m", **options: Any) -> DeckFacts:
     """Families, length and pieces of a deck; materials without a density are massless.
 
     `options` are arguments of `read_model`.
     """
     raws = _reader(checks.path("path", path), unit, **options, massless=True)()
-    families = [family for raw in raws.values() for family in _families(raw, Strength()).values()]
+    families = [
+        family for raw in raws.values() for family in _families_of_groups(raw, Strength()).values()
+    ]
     longest = max(float(np.ptp(raw.points, axis=0).max()) for raw in raws.values())
     return DeckFacts(families, longest, next(iter(raws.values())).pieces)
 
 
-def _families(raw: RawMesh, strength: Strength) -> dict[str, Family]:
+def _families_of_groups(raw: RawMesh, strength: Strength) -> dict[str, Family]:
     """The family of each group of a part's cells."""
-    model = _model(raw)
+    model = _model_read(raw)
     return {
-        group: _family(kind, arguments, place, strength)
+        group: _family_of_section(kind, arguments, place, strength)
         for group, kind, arguments, place in model["families"]
         if not model["joined"] or raw.groups.get(group)
     }
 
 
-def _only_kind(content: FileMesh, label: str) -> FileMesh:
-    """A deck with the cells of the kind `label` alone, their groups and the supports on them."""
-    mark = fixed_group_name("", label)
-    groups = {n: {label: parts[label]} for n, parts in content.groups.items() if label in parts}
+def _cells_of_kind(content: FileMesh, part_name: str) -> FileMesh:
+    """A deck with the cells of one part alone, their groups and the supports on them."""
+    mark = fixed_group_name("", part_name)
+    groups = {
+        n: {part_name: parts[part_name]}
+        for n, parts in content.groups.items()
+        if part_name in parts
+    }
     fixed = {n.removesuffix(mark): e for n, e in content.fixed.items() if n.endswith(mark)}
-    return replace(content, cells={label: content.cells[label]}, groups=groups, fixed=fixed)
+    return replace(content, cells={part_name: content.cells[part_name]}, groups=groups, fixed=fixed)
 
 
 def _reader(
@@ -368,32 +378,34 @@ def _reader(
     options |= {"piece": piece, "root": root, "free": checks.flag("free", free)}
     options["contact"] = checks.choice("contact", contact, CONTACT_CHOICES)
 
-    def work() -> dict[str, RawMesh]:
+    def read_parts() -> dict[str, RawMesh]:
         meshes: dict[str, RawMesh] = {}
         content = file_content(file, timeout, units, merge, model=options)
         whole = [content]
         if content.model is not None and content.model["joined"]:
             labels = sorted(content.cells, key=lambda label: -DIMENSION[CELL_TYPES[label][0]])
-            whole = [_only_kind(content, label) for label in labels]
+            whole = [_cells_of_kind(content, label) for label in labels]
 
         for raw in (selected_mesh(one, None, None, file.name) for one in whole):
-            model = _model(raw)
+            model = _model_read(raw)
             flat = flattened(raw, model["gdim"], file.name)
             if model["joined"] and model["pieces"] > 1 and not model["held"] and merge is None:
                 fault = f"{file.name} falls into {model['pieces']} pieces that nothing joins, and "
                 fault += "supports do not hold each"
-                remedy = f"join, merge or hold them, or read one of them ({_choices(flat)})."
+                remedy = f"join, merge or hold them, or read one of them ({_choices_text(flat)})."
                 raise pieces_error(flat, fault, remedy)
             pieces = model["joined"] or model["held"]
-            part = TRIANGLES if PARTS[raw.kind.dim] in meshes else PARTS[raw.kind.dim]
-            meshes[part] = sound(flat, file.name, made_here=False, pieces=pieces, by=_choices(flat))
+            part = TRIANGLE_PART if PART_NAMES[raw.kind.dim] in meshes else PART_NAMES[raw.kind.dim]
+            meshes[part] = sound(
+                flat, file.name, made_here=False, pieces=pieces, by=_choices_text(flat)
+            )
 
         return meshes
 
-    return work
+    return read_parts
 
 
-def _choices(raw: RawMesh) -> str:
+def _choices_text(raw: RawMesh) -> str:
     """Text that names the arguments of `read_model` which choose a part of a deck."""
     sets = {name: len(members.get(raw.kind.dim, ())) for name, members in raw.groups.items()}
     names = [repr(name) for name, count in sets.items() if 0 < count < len(raw.cells)]
@@ -401,13 +413,13 @@ def _choices(raw: RawMesh) -> str:
     return f"piece 1 is the largest{sets_text * bool(names)}"
 
 
-def _model(raw: RawMesh) -> Model:
+def _model_read(raw: RawMesh) -> Model:
     """The model that is read with the cells."""
     assert raw.model is not None
     return raw.model
 
 
-def _part(
+def _part_structure(
     raw: RawMesh,
     name: str,
     comm: MPI.Comm,
@@ -417,9 +429,9 @@ def _part(
     strength: Strength,
 ) -> Structure:
     """The structure of one part; parts that will be joined get no supports here."""
-    model = _model(raw)
+    model = _model_read(raw)
     mesh = distributed(raw, name, comm)
-    families = _families(raw, strength)
+    families = _families_of_groups(raw, strength)
     if model["joined"]:
         return Structure(mesh, families, solver=solver)
     supports = [Support(group, fix) for group, fix in model["supports"] if raw.groups.get(group)]
@@ -429,7 +441,7 @@ def _part(
 
 #: Young's modulus [Pa] above which a strength without a name is that of a steel; D [1/s] and q of
 #: mild steel at its tensile strength, which grows most, and that over its yield strength (S275).
-STEEL, MILD_STEEL, TENSILE = 150e9, (6844.0, 3.91), 430 / 275
+MIN_STEEL_MODULUS, MILD_STEEL_RATE, TENSILE_RATIO = 150e9, (6844.0, 3.91), 430 / 275
 
 
 class Strength(NamedTuple):
@@ -440,7 +452,9 @@ class Strength(NamedTuple):
     rate: tuple[float, ...] | None = None
 
     @classmethod
-    def given(cls, value: float | str | None, ends: tuple[float, float] | None) -> Strength:
+    def from_arguments(
+        cls, value: float | str | None, ends: tuple[float, float] | None
+    ) -> Strength:
         """The strength by the arguments `yield_strength` and `yield_range` of `read_model`."""
         rate = None
         if isinstance(value, str):
@@ -450,27 +464,28 @@ class Strength(NamedTuple):
             value = checks.positive("yield_strength", value, "Pa")
         return cls(value, None if ends is None else checks.strength_range(ends, value), rate)
 
-    def options(self, family: Callable[..., Family], E: float, rho: float) -> dict[str, object]:
+    def family_options(
+        self, family: Callable[..., Family], E: float, rho: float
+    ) -> dict[str, object]:
         """The arguments of a family that state the strength of its material."""
         if self.value is None or "yield_strength" not in signature(family).parameters:
             return {}
         rate = self.rate
-        if rate is None and E > STEEL:
-            rate = (*MILD_STEEL, TENSILE * self.value)
+        if rate is None and E > MIN_STEEL_MODULUS:
+            rate = (*MILD_STEEL_RATE, TENSILE_RATIO * self.value)
         return {"yield_strength": self.value, "yield_range": self.range, "rate": rate}
 
 
 def _one_strength_text(raws: Iterable[RawMesh], strength: Strength, name: str) -> str:
     """Sentence that several materials of a deck get the one strength given; else ""."""
-    families: list[Any] = [one for raw in raws for one in _families(raw, strength).values()]
+    families: list[Any] = [
+        one for raw in raws for one in _families_of_groups(raw, strength).values()
+    ]
     strong = {(one.E, one.rho) for one in families if getattr(one, "yield_strength", None)}
     if strength.value is None or len(strong) < 2:
         return ""
     listed = ", ".join(f"E = {engineering(E, 'Pa')}, {rho:.4g} kg/m³" for E, rho in sorted(strong))
-    return (
-        f"the yield strength {engineering(strength.value, 'Pa')} is taken for all {len(strong)}"
-        f" materials of {name} ({listed}); to give each its own, read the mesh alone (read_mesh)."
-    )
+    return f"the yield strength {engineering(strength.value, 'Pa')} is taken for all {len(strong)} materials of {name} ({listed}); to give each its own, read the mesh alone (read_mesh)."
 
 
 def _laminate_or_shell(values: dict[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -486,20 +501,22 @@ def _laminate_or_shell(values: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     return "Shell", shell | {"thickness": sum(layer.thickness for layer in values["layers"])}
 
 
-def _family(kind: str, arguments: dict[str, Any], place: str, strength: Strength) -> Family:
+def _family_of_section(
+    family_name: str, arguments: dict[str, Any], place: str, strength: Strength
+) -> Family:
     """The family of a section; InputError with the deck's line if its arguments are refused."""
     try:
         values = dict(arguments)
         for name in ("axis", "top"):  # one direction, or one in each element
             if isinstance(values.get(name), dict):
-                values[name] = Nearest(**values[name])
+                values[name] = NearestDirection(**values[name])
         if "layers" in values:
             values["layers"] = [Layer(**layer) for layer in values["layers"]]
-            kind, values = _laminate_or_shell(values)
+            family_name, values = _laminate_or_shell(values)
         if "section" in values:
             values["section"] = Section(**values["section"])
-        family = FAMILIES[kind]
-        given = strength.options(family, values["E"], values["rho"]) if "E" in values else {}
+        family = FAMILIES[family_name]
+        given = strength.family_options(family, values["E"], values["rho"]) if "E" in values else {}
         return family(**values, **given)
     except InputError as error:
         raise InputError(f"{place}: {error}") from error

@@ -41,7 +41,7 @@ from antiosc_decks.nastran_cards import fields_of
 SYMMETRIC_FORM = 6
 SQUARE_FORM = 1
 #: Numbers of grid points are below this.
-MOST_GRID = 2**31
+MAX_GRID_NUMBER = 2**31
 
 
 def is_dmig(content: bytes) -> bool:
@@ -53,19 +53,19 @@ def read_dmig(source: MatrixFile) -> dict[str, Entries]:
     """The matrices of a file with DMIG cards, by name."""
     forms: dict[str, int] = {}
     tables: dict[str, list[tuple[float, ...]]] = {}
-    for number, (name, *fields) in _cards(source):
+    for number, (name, *fields) in _dmig_cards(source):
         name = name.upper()
         if fields[:1] == ["0"]:
-            forms[name] = _form(source, number, name, fields)
+            forms[name] = _form_number(source, number, name, fields)
             tables.setdefault(name, [])
             continue
         source.needs(name in forms, number, f"DMIG {name} has no header card before its columns.")
-        column = _label(source, number, fields[:2])
+        column = _grid_component(source, number, fields[:2])
         for k in range(3, len(fields), 4):
             group = fields[k : k + 4]
             if any(group):
-                value = _number(source, number, group[2] if len(group) > 2 else "")
-                tables[name].append((*_label(source, number, group[:2]), *column, value))
+                value = _real_number(source, number, group[2] if len(group) > 2 else "")
+                tables[name].append((*_grid_component(source, number, group[:2]), *column, value))
 
     source.needs(tables, 1, "the file has no DMIG card.")
     source.needs(any(tables.values()), 1, f"the DMIG matrices {', '.join(tables)} have no entries.")
@@ -78,21 +78,21 @@ def read_dmig(source: MatrixFile) -> dict[str, Entries]:
     }
 
 
-def _form(source: MatrixFile, number: int, name: str, fields: list[str]) -> int:
+def _form_number(source: MatrixFile, line: int, name: str, fields: list[str]) -> int:
     """Form number of a DMIG header, which must be real."""
     try:
         form = int(fields[1])
         kind = int(fields[2])
     except (ValueError, IndexError):
-        raise source.error(number, f"the header of DMIG {name} has no form and type.") from None
+        raise source.error(line, f"the header of DMIG {name} has no form and type.") from None
     is_real = kind in (1, 2)
     valid = form in (SYMMETRIC_FORM, SQUARE_FORM)
-    source.needs(is_real, number, f"DMIG {name} is complex: stiffness and mass must be real.")
-    source.needs(valid, number, f"DMIG {name} has form {form}: 6 (symmetric) or 1 is expected.")
+    source.needs(is_real, line, f"DMIG {name} is complex: stiffness and mass must be real.")
+    source.needs(valid, line, f"DMIG {name} has form {form}: 6 (symmetric) or 1 is expected.")
     return form
 
 
-def _cards(source: MatrixFile) -> Iterator[tuple[int, list[str]]]:
+def _dmig_cards(source: MatrixFile) -> Iterator[tuple[int, list[str]]]:
     """Yields (line, fields) of each DMIG card with its continuations, its name first."""
     card: list[str] = []
     start = 0
@@ -113,32 +113,32 @@ def _cards(source: MatrixFile) -> Iterator[tuple[int, list[str]]]:
         yield start, card
 
 
-def _label(source: MatrixFile, number: int, words: list[str]) -> tuple[int, int]:
+def _grid_component(source: MatrixFile, line: int, words: list[str]) -> tuple[int, int]:
     """(grid point, component) of two fields; component 0 is a scalar point."""
     try:
         grid = int(words[0])
         component = int(words[1] or 0)
     except (ValueError, IndexError):
         message = f"a grid point and a component are expected; got {' '.join(words)!r}."
-        raise source.error(number, message) from None
-    exists = 0 < grid < MOST_GRID and 0 <= component <= 6
-    source.needs(exists, number, f"grid point {grid} with component {component} does not exist.")
+        raise source.error(line, message) from None
+    exists = 0 < grid < MAX_GRID_NUMBER and 0 <= component <= 6
+    source.needs(exists, line, f"grid point {grid} with component {component} does not exist.")
     return grid, component
 
 
-def _number(source: MatrixFile, number: int, text: str) -> float:
+def _real_number(source: MatrixFile, line: int, text: str) -> float:
     """A real number of a DMIG field."""
     try:
         return float(with_plain_exponents(text.encode()))
     except ValueError:
-        raise source.error(number, f"a number is expected; got {text!r}.") from None
+        raise source.error(line, f"a number is expected; got {text!r}.") from None
 
 
 DMIG = MatrixFormat(is_dmig, read_dmig)
 
 
 #: A Fortran format of one kind of number: (10I8), (1P,4E20.12), (3D25.16).
-_FORMAT = re.compile(r"\((?:\d*P,?)?(\d*)([IEDFG])(\d+)(?:\.(\d+))?(?:E\d+)?\)")
+_FORTRAN_FORMAT = re.compile(r"\((?:\d*P,?)?(\d*)([IEDFG])(\d+)(?:\.(\d+))?(?:E\d+)?\)")
 
 
 def is_harwell_boeing(content: bytes) -> bool:
@@ -152,25 +152,25 @@ def read_harwell_boeing(source: MatrixFile) -> Entries:
     """The matrix of a Harwell–Boeing file; right-hand sides are ignored."""
     lines = source.lines()
     source.needs(len(lines) >= 5, len(lines), "the file ends within its header.")
-    cards = _whole(source, lines[1], 2, 4)
+    cards = _integers(source, lines[1], 2, 4)
     kind = lines[2][:3].decode("ascii", "replace").upper()
     if kind[0] != "R":
         kind_text = {"C": "complex", "P": "a pattern without values"}.get(kind[0], repr(kind))
         raise source.error(3, f"the matrix is {kind_text}: stiffness and mass must be real.")
     message = f"the type must be RSA or RUA (real, symmetric or not, assembled); got {kind!r}."
     source.needs(kind[1] in "SU" and kind[2] == "A", 3, message)
-    rows, columns, count = _whole(source, lines[2][3:], 3, 3)[:3]
+    rows, columns, count = _integers(source, lines[2][3:], 3, 3)[:3]
     square = f"the matrix must be square; got {rows} rows, {columns} columns."
     source.needs(rows == columns and rows >= 1, 3, square)
     size = len(source.content)
     too_many = f"{count:g} entries in {rows:g} rows are more than a file of {size} bytes holds."
     source.needs(count >= 1 and max(count, rows) <= size, 3, too_many)
-    formats = [_format(source, lines[3][a:b]) for a, b in ((0, 16), (16, 32), (32, 52))]
+    formats = [_fortran_format(source, lines[3][a:b]) for a, b in ((0, 16), (16, 32), (32, 52))]
     first = 5 if len(cards) > 4 and cards[4] > 0 else 4  # a line on the right-hand sides
 
     blocks: list[Array] = []
     for form, number_count in zip(formats, (columns + 1, count, count), strict=True):
-        blocks.append(_fields(source, lines, first, form, number_count))
+        blocks.append(_read_numbers(source, lines, first, form, number_count))
         first += -(-number_count // form[0])
     pointers, index, value = blocks
     starts = np.diff(pointers)
@@ -185,36 +185,36 @@ def read_harwell_boeing(source: MatrixFile) -> Entries:
     return Entries(source.name, row, column, value, rows, triangle=kind[1] == "S")
 
 
-def _whole(source: MatrixFile, text: bytes, line: int, least: int) -> list[int]:
-    """The integers of a line; at least `least`."""
+def _integers(source: MatrixFile, text: bytes, line: int, least_count: int) -> list[int]:
+    """The integers of a line; at least `least_count`."""
     words = text.split()
-    sound = len(words) >= least and all(re.fullmatch(rb"[+-]?\d+", word) for word in words)
+    sound = len(words) >= least_count and all(re.fullmatch(rb"[+-]?\d+", word) for word in words)
     got = repr(text.decode("ascii", "replace").strip()[:60])
-    source.needs(sound, line, f"{least} whole numbers are expected; got {got}.")
+    source.needs(sound, line, f"{least_count} whole numbers are expected; got {got}.")
     return [int(word) for word in words]
 
 
-def _format(source: MatrixFile, text: bytes) -> tuple[int, int]:
+def _fortran_format(source: MatrixFile, text: bytes) -> tuple[int, int]:
     """(numbers in a line, width of a number) of a Fortran format."""
     format_text = text.decode("ascii", "replace").strip()
-    match = _FORMAT.fullmatch(format_text.upper().replace(" ", ""))
+    match = _FORTRAN_FORMAT.fullmatch(format_text.upper().replace(" ", ""))
     if match is None or int(match[3]) == 0 or match[1] == "0":
         raise source.error(4, f"the Fortran format {format_text!r} is not one of numbers.")
     return int(match[1] or 1), int(match[3])
 
 
-def _fields(
-    source: MatrixFile, lines: list[bytes], first: int, form: tuple[int, int], wanted: int
+def _read_numbers(
+    source: MatrixFile, lines: list[bytes], first_line: int, form: tuple[int, int], wanted: int
 ) -> Array:
-    """Read `wanted` numbers from line `first` on; `form`: numbers in a line, width of one."""
+    """Read `wanted` numbers from line `first_line` on; `form`: numbers in a line, width of one."""
     per_line, width = form
     line_count = -(-wanted // per_line)
-    remaining = len(lines) - first
+    remaining = len(lines) - first_line
     message = f"the file ends within a matrix, after {remaining} of {line_count} lines."
     source.needs(remaining >= line_count, len(lines), message)
     values = np.empty(wanted)
     count_read = 0
-    for k in range(first, first + line_count):
+    for k in range(first_line, first_line + line_count):
         count = min(per_line, wanted - count_read)
         fields = lines[k].split()
         if len(fields) != count:  # no blank between some of them
@@ -247,7 +247,7 @@ class _Header(NamedTuple):
 
     columns: int
     rows: int
-    kind: int
+    number_type: int
     name: str
     bigmat: bool
 
@@ -266,19 +266,19 @@ def is_op4(content: bytes) -> bool:
 
 def read_op4(source: MatrixFile) -> dict[str, Entries]:
     """The matrices of an OP4 file, by name."""
-    reader = _Text(source) if is_text(source.content) else _Binary(source)
+    reader = _TextReader(source) if is_text(source.content) else _BinaryReader(source)
     matrices: dict[str, Entries] = {}
     while (header := reader.header()) is not None:
         label = f"{source.name}: the matrix {header.name}"
         size = header.rows
-        if header.kind not in (1, 2):
+        if header.number_type not in (1, 2):
             raise InputError(f"{label} is complex: stiffness and mass must be real.")
         if size != header.columns or size < 1:
             got = f"got {size} rows and {header.columns} columns."
             raise InputError(f"{label} must be square; {got}")
 
         entries = [(NO_ROWS, NO_ROWS, np.zeros(0))]
-        for column, row, value in _strings(reader, header):
+        for column, row, value in _column_strings(reader, header):
             if row < 0 or row + len(value) > size:
                 message = f"column {column + 1} of {header.name} has {len(value)} entries"
                 raise InputError(f"{source.name}: {message} from row {row + 1} of {size} rows.")
@@ -291,32 +291,36 @@ def read_op4(source: MatrixFile) -> dict[str, Entries]:
     return matrices
 
 
-def _strings(reader: _Text | _Binary, header: _Header) -> Iterator[tuple[int, int, Array]]:
+def _column_strings(
+    reader: _TextReader | _BinaryReader, header: _Header
+) -> Iterator[tuple[int, int, Array]]:
     """Yields (column, first row, values) of each string of entries."""
     word_count = 2 if header.bigmat or header.rows >= BIGMAT_ROWS else 1
-    text = isinstance(reader, _Text)
+    text = isinstance(reader, _TextReader)
     words = 1 if text else reader.words  # of a number of a dense column
     while True:
-        reader.begin()
-        column, row, count = reader.whole(3)
+        reader.begin_record()
+        column, row, count = reader.integers(3)
         if column > header.columns:
             reader.numbers(count if text else 0)
             return
         if column < 1 or count < 0 or (row > 0 and count % words):
-            raise reader.bad(f"column {column} of {header.columns} columns has {count} words")
+            raise reader.record_error(
+                f"column {column} of {header.columns} columns has {count} words"
+            )
         if row > 0:
             yield column - 1, row - 1, reader.numbers(count // words)
         while row <= 0 and count > 0:
-            first, *second = reader.whole(word_count)
+            first, *second = reader.integers(word_count)
             length, start = [first, *second] if second else [first >> 16, first & 0xFFFF]
             length -= 1
             count -= length + word_count
             if length < 0 or length % reader.words or count < 0:
-                raise reader.bad("the length of a string of entries is expected")
+                raise reader.record_error("the length of a string of entries is expected")
             yield column - 1, start - 1, reader.numbers(length // reader.words)
 
 
-class _Text:
+class _TextReader:
     """Reads OP4 records from text."""
 
     def __init__(self, source: MatrixFile) -> None:
@@ -324,7 +328,7 @@ class _Text:
         self._lines = source.lines()
         self._at = 0
 
-    def begin(self) -> None:
+    def begin_record(self) -> None:
         """Do nothing: records of a text are lines."""
 
     def header(self) -> _Header | None:
@@ -336,8 +340,10 @@ class _Text:
         try:
             header, self._per_line, self._width = _text_header(self._line())
         except ValueError:
-            raise self.bad("a header of columns, rows, form, type and name is expected") from None
-        self.words = header.kind  # of a number in a string
+            raise self.record_error(
+                "a header of columns, rows, form, type and name is expected"
+            ) from None
+        self.words = header.number_type  # of a number in a string
         return header
 
     def _line(self) -> str:
@@ -346,7 +352,7 @@ class _Text:
         self._at += 1
         return self._lines[self._at - 1].decode("ascii", "replace")
 
-    def whole(self, count: int) -> list[int]:
+    def integers(self, count: int) -> list[int]:
         """The first `count` integers of the next line."""
         line = self._line()
         fields = [line[8 * k : 8 * k + 8] for k in range(count)]
@@ -355,9 +361,9 @@ class _Text:
         try:
             first, *others = map(int, fields)
         except ValueError:
-            raise self.bad(f"{count} whole numbers are expected") from None
+            raise self.record_error(f"{count} whole numbers are expected") from None
         if len(others) + 1 < count:
-            raise self.bad(f"{count} whole numbers are expected")
+            raise self.record_error(f"{count} whole numbers are expected")
         return [first, *others]
 
     def numbers(self, count: int) -> Array:
@@ -365,9 +371,9 @@ class _Text:
         first = self._at
         form = (self._per_line, self._width)
         self._at += -(-count // self._per_line)
-        return _fields(self._source, self._lines, first, form, count)
+        return _read_numbers(self._source, self._lines, first, form, count)
 
-    def bad(self, text: str) -> InputError:
+    def record_error(self, text: str) -> InputError:
         """The error of the current line, with the sentence `text`."""
         line = self._lines[self._at - 1].decode("ascii", "replace").strip()[:60]
         return self._source.error(self._at, f"{text}; got {line!r}.")
@@ -401,7 +407,7 @@ def _markers(content: bytes) -> tuple[str, int] | None:
     return None
 
 
-class _Binary:
+class _BinaryReader:
     """Reads OP4 records from a binary file."""
 
     def __init__(self, source: MatrixFile) -> None:
@@ -418,17 +424,17 @@ class _Binary:
         """The next header; None at the end of the file."""
         if self._at == len(self._source.content):
             return None
-        self.begin()
+        self.begin_record()
         if len(self._record) != 6 * self._size:
-            raise self.bad("the header of a matrix is expected")
-        columns, rows, _, kind = self.whole(4)
+            raise self.record_error("the header of a matrix is expected")
+        columns, rows, _, kind = self.integers(4)
         name = self._record[self._next :].decode("ascii", "replace").strip()
         single = kind == 1 and self._size == 4
         self._real = np.dtype(f"{self._order}f{4 if single else 8}")
         self.words = self._real.itemsize // self._size  # of one number
         return _Header(columns, abs(rows), kind, name, rows < 0)
 
-    def begin(self) -> None:
+    def begin_record(self) -> None:
         """Read one Fortran record: its length, its bytes, the length again."""
         content = self._source.content
         offset = self._at
@@ -437,10 +443,10 @@ class _Binary:
             raise self._source.error_at_byte(len(content), "the file ends within a matrix.")
         (length,) = struct.unpack_from(self._order + "i", content, offset)
         if length < 0 or offset + 8 + length > len(content):
-            raise self.bad(f"the file ends within a record of {length} bytes")
+            raise self.record_error(f"the file ends within a record of {length} bytes")
         (closing_length,) = struct.unpack_from(self._order + "i", content, offset + 4 + length)
         if closing_length != length:
-            raise self.bad(f"a record of {length} bytes ends with {closing_length}")
+            raise self.record_error(f"a record of {length} bytes ends with {closing_length}")
         self._at = offset + 8 + length
         self._record = content[offset + 4 : offset + 4 + length]
         self._next = 0
@@ -451,10 +457,10 @@ class _Binary:
         self._next += count * kind.itemsize
         if count < 0 or self._next > len(self._record):
             size = len(self._record)
-            raise self.bad(f"{count} numbers are expected, in a record of {size} bytes")
+            raise self.record_error(f"{count} numbers are expected, in a record of {size} bytes")
         return np.frombuffer(self._record, kind, count, offset)
 
-    def whole(self, count: int) -> list[int]:
+    def integers(self, count: int) -> list[int]:
         """The next `count` integers of the record."""
         return list(map(int, self._values(np.dtype(f"{self._order}i{self._size}"), count)))
 
@@ -462,7 +468,7 @@ class _Binary:
         """The next `count` real numbers of the record."""
         return np.asarray(self._values(self._real, count))
 
-    def bad(self, text: str) -> InputError:
+    def record_error(self, text: str) -> InputError:
         """The error of the current record, with the sentence `text`."""
         return self._source.error_at_byte(self._start, f"{text}.")
 

@@ -17,21 +17,21 @@ import numpy as np
 from antiosc.io.conversion import Array
 from antiosc_decks import properties as profiles
 from antiosc_decks.builder import ModelBuilder
-from antiosc_decks.nastran_cards import BEAMS, Entry, motions_of
+from antiosc_decks.nastran_cards import BEAM_PROPERTIES, Entry, motions_of
 from antiosc_decks.nastran_mesh import NastranDeck
 
 #: Sections whose centroid may differ from the shear centre, on which the nodes of a CBEAM lie.
-LOPSIDED = ("T", "T1", "T2", "CHAN", "CHAN1", "CHAN2", "HAT", "BOX1")
+ASYMMETRIC_SECTIONS = ("T", "T1", "T2", "CHAN", "CHAN1", "CHAN2", "HAT", "BOX1")
 #: A second moment of 0 is replaced by this share of the other one.
-SLIGHT = 1e-6
+MIN_MOMENT_RATIO = 1e-6
 #: Property -> fields of A, I1, I2, I12, J, NSM; field of K1 (-1: none, or after the sections).
 CONSTANT_FIELDS = {"PBAR": ((2, 3, 4, 18, 5, 6), 16), "PBEAM": ((2, 3, 4, 5, 6, 7), -1)}
 #: Shear coefficient of a plane that is rigid in shear, of a beam that deforms in the other one: its
 #: shear deflection is below 1e-4 of that of bending where the beam is as long as its height.
-RIGID_IN_SHEAR = 1e4
+RIGID_SHEAR_FACTOR = 1e4
 #: What is ignored of a PBEAM -> its field, counted from the end of the sections.
-IGNORED_OF_PBEAM = {"S1": 2, "S2": 3, "NSI(A)": 4, "NSI(B)": 5, "CW(A)": 6, "CW(B)": 7}
-IGNORED_OF_PBEAM |= {"M1(A)": 8, "M2(A)": 9, "M1(B)": 10, "M2(B)": 11}
+IGNORED_PBEAM_FIELDS = {"S1": 2, "S2": 3, "NSI(A)": 4, "NSI(B)": 5, "CW(A)": 6, "CW(B)": 7}
+IGNORED_PBEAM_FIELDS |= {"M1(A)": 8, "M2(A)": 9, "M1(B)": 10, "M2(B)": 11}
 
 
 class BeamProfile(NamedTuple):
@@ -39,7 +39,7 @@ class BeamProfile(NamedTuple):
 
     profile: profiles.Profile
     #: nonstructural mass per length
-    extra: float
+    nonstructural_mass: float
     #: whether it deforms in shear
     sheared: bool
     #: angle about the beam's axis from plane 1 to the first principal axis, radians
@@ -62,7 +62,11 @@ class BeamProfiles:
         #: profile whose numbers `stations` replace; whether the beams deform in shear
         self.form = profiles.rectangle(1.0, 1.0)
         self.sheared = True
-        read = self._by_shapes if entry.name in ("PBARL", "PBEAML") else self._by_constants
+        read = (
+            self._stations_by_shapes
+            if entry.name in ("PBARL", "PBEAML")
+            else self._stations_by_constants
+        )
         #: place along the beam from 0 to 1, ascending -> the cross-section there
         self.stations: dict[float, Station] = dict(sorted(read().items()))
         first, *stations = self.stations.values()
@@ -90,20 +94,20 @@ class BeamProfiles:
         if mixed:
             first = mean + half
             second = mean - half
-            form = form.sheared(*self._along_axes(angle))
+            form = form.sheared(*self._principal_shear_coefficients(angle))
         message = f"{self.entry.name} needs A, I1 and I2 above 0, and I12² below I1 I2."
         self.entry.needs(min(A, first, second) > 0, message)
         section = replace(form, A=A, I=first, I_side=second, J=J or (first + second) / 2)
         return BeamProfile(section, extra, self.sheared, angle)
 
-    def _along_axes(self, angle: float) -> tuple[float, float]:
+    def _principal_shear_coefficients(self, angle: float) -> tuple[float, float]:
         """Shear coefficients along the principal axes at `angle`, by the compliances in shear."""
-        first, second = self.form.shears
+        first, second = self.form.shear_coefficients
         share = math.sin(angle) ** 2
         along = (1 - share) / first + share / second
         return 1 / along, 1 / (1 / first + 1 / second - along)
 
-    def _by_constants(self) -> dict[float, Station]:
+    def _stations_by_constants(self) -> dict[float, Station]:
         """Stations of PBAR and PBEAM, which give areas and moments."""
         entry = self.entry
         label = f"{entry.name} {entry.text(0)}"
@@ -120,19 +124,23 @@ class BeamProfiles:
             self.neutral[:] = [
                 [entry.real(k) for k in end_fields] for end_fields in (ends, station_fields)
             ]
-            if unread := [name for name, k in IGNORED_OF_PBEAM.items() if entry.real(start + k)]:
+            if unread := [
+                name for name, k in IGNORED_PBEAM_FIELDS.items() if entry.real(start + k)
+            ]:
                 self.remarks.append(f"{', '.join(unread)} of {label}")
         elif max(values[1:3]) > min(values[1:3]) == 0:
             told = f"the hinge that {label} is where its I1 or I2 is 0"
-            self.remarks.append(f"{told}, {SLIGHT:g} of the other is taken")
-            values[1:3] = (max(moment, SLIGHT * max(values[1:3])) for moment in values[1:3])
+            self.remarks.append(f"{told}, {MIN_MOMENT_RATIO:g} of the other is taken")
+            values[1:3] = (
+                max(moment, MIN_MOMENT_RATIO * max(values[1:3])) for moment in values[1:3]
+            )
         k_if_blank = 1.0 if entry.name == "PBEAM" else 0.0
         k1 = entry.real(start, k_if_blank)
         k2 = entry.real(start + 1, k_if_blank)
         entry.needs(min(values[:3]) > 0, f"{entry.name} needs A, I1 and I2 above 0.")
         self.sheared = bool(k1 or k2)
         if self.sheared:
-            self.form = self.form.sheared(k1 or RIGID_IN_SHEAR, k2 or RIGID_IN_SHEAR)
+            self.form = self.form.sheared(k1 or RIGID_SHEAR_FACTOR, k2 or RIGID_SHEAR_FACTOR)
         if k1 != k2 and any(row[3] for row in rows.values()):
             self.remarks.append(f"how I12 of {label} couples shear in planes 1 and 2 (K1, K2)")
         if not values[4]:
@@ -140,8 +148,8 @@ class BeamProfiles:
 
         return rows
 
-    def _add_stations(self, rows: dict[float, Station]) -> int:
-        """Add PBEAM's further stations to `rows`; return the field after them."""
+    def _add_stations(self, stations: dict[float, Station]) -> int:
+        """Add PBEAM's further stations to `stations`; return the field after them."""
         entry = self.entry
         starts = {}
         words = ("YES", "YESA", "NO")
@@ -150,66 +158,70 @@ class BeamProfiles:
         while entry.text(start).upper() in words:
             starts[entry.real(start + 1, None)] = start + 2
             start += 16 if entry.text(start).upper() == "YES" else 8
-        first = last = np.array(rows[0.0])
+        first = last = np.array(stations[0.0])
         for place in sorted(starts, reverse=True):
             # blank at the end: as at the start; between the ends: linear
             blank = (first + place * (last - first)).tolist()
-            rows[place] = [entry.real(starts[place] + k, blank[k]) for k in range(6)]
-            last = np.array(rows[place]) if place == 1 else last
+            stations[place] = [entry.real(starts[place] + k, blank[k]) for k in range(6)]
+            last = np.array(stations[place]) if place == 1 else last
         entry.needs(0.0 not in starts, "X/XB of PBEAM lies between 0 and 1.")
         return start
 
-    def _by_shapes(self) -> dict[float, Station]:
+    def _stations_by_shapes(self) -> dict[float, Station]:
         """Stations of PBARL and PBEAML, which give a shape and its dimensions."""
         entry = self.entry
         kind = entry.text(3).upper()
         unknown = f"{entry.name} of the type {kind!r}: give its constants by PBAR."
-        entry.needs(kind in SHAPES, unknown)
-        centred = entry.name != "PBEAML" or kind not in LOPSIDED
+        entry.needs(kind in BEAM_SHAPES, unknown)
+        centred = entry.name != "PBEAML" or kind not in ASYMMETRIC_SECTIONS
         off = f"PBEAML {kind!r} has a neutral axis off its shear centre: give it by PBAR."
         entry.needs(centred, off)
-        count = len(signature(SHAPES[kind]).parameters)
+        count = len(signature(BEAM_SHAPES[kind]).parameters)
         first = self._dimensions(8, [None] * count)
 
         if entry.name == "PBEAML" and kind == "L":
             middle = np.array([first[2], first[3]]) / 2
-            self.neutral[:] = profiles.centroid(_angle(*first)) - middle
+            self.neutral[:] = profiles.centroid(_l_walls(*first)) - middle
         extra = entry.real(8 + count)
-        stations = {0.0: self._shape(kind, first, extra)}
+        stations = {0.0: self._shape_station(kind, first, extra)}
         start = 9 + count
 
         while entry.name == "PBEAML" and entry.words(start, start + 2):
             dimensions = self._dimensions(start + 2, first)
             extra_there = entry.real(start + 2 + count, extra)
-            stations[entry.real(start + 1, 1.0)] = self._shape(kind, dimensions, extra_there)
+            stations[entry.real(start + 1, 1.0)] = self._shape_station(
+                kind, dimensions, extra_there
+            )
             start += 3 + count
         if kind not in ("ROD", "TUBE", "TUBE2", "BAR", "BOX"):
             label = f"{entry.name} {entry.text(0)} ({kind})"
             told = f"the shear coefficients and the torsion constant that Nastran gives {label}"
-            self.remarks.append(f"{told}, {profiles.THIN:g} and that of thin walls are taken")
+            self.remarks.append(
+                f"{told}, {profiles.THIN_WALL_SHEAR:g} and that of thin walls are taken"
+            )
 
         return stations
 
-    def _dimensions(self, start: int, blank: Sequence[float | None]) -> list[float]:
-        """The dimensions that begin at field `start`, with defaults for blank fields."""
-        d = [self.entry.real(start + k, value) for k, value in enumerate(blank)]
+    def _dimensions(self, first_field: int, defaults: Sequence[float | None]) -> list[float]:
+        """The dimensions that begin at field `first_field`, with defaults for blank fields."""
+        d = [self.entry.real(first_field + k, value) for k, value in enumerate(defaults)]
         full = self.entry.text(3).upper() == "TUBE" and d[0] > 0 and d[1] == 0
         self.entry.needs(min(d) > 0 or full, f"{self.entry.name} needs dimensions above 0.")
         return d
 
-    def _shape(self, kind: str, d: Sequence[float], extra: float) -> Station:
+    def _shape_station(self, shape: str, d: Sequence[float], nonstructural_mass: float) -> Station:
         """The station of a shape with dimensions `d`."""
         try:
-            profile = SHAPES[kind](*d)
+            profile = BEAM_SHAPES[shape](*d)
             if not isinstance(profile, profiles.Profile):
-                profile = profiles.walled(
-                    profile, profiles.box_torsion(*d) if kind == "BOX1" else None
+                profile = profiles.profile_of_walls(
+                    profile, profiles.box_torsion(*d) if shape == "BOX1" else None
                 )
             self.form = profile
-            mixed = profile.mixed if kind in ("L", "Z") else 0.0
-            return [profile.A, profile.I, profile.I_side, mixed, profile.J, extra]
+            mixed = profile.product_moment if shape in ("L", "Z") else 0.0
+            return [profile.A, profile.I, profile.I_side, mixed, profile.J, nonstructural_mass]
         except ValueError as error:
-            label = f"{self.entry.name} {self.entry.text(0)} of the type {kind!r}"
+            label = f"{self.entry.name} {self.entry.text(0)} of the type {shape!r}"
             message = f"the dimensions of {label} do not fit into each other."
             raise self.entry.place.error(message) from error
 
@@ -217,34 +229,34 @@ class BeamProfiles:
 Walls = list[profiles.Wall]
 
 
-def _pair(low: float, high: float, left: float, right: float) -> Walls:
+def _mirrored_walls(low: float, high: float, left: float, right: float) -> Walls:
     """A wall and its mirror image across the height."""
     return [(low, high, left, right), (low, high, -right, -left)]
 
 
-def _i(h: float, low: float, top: float, web: float, t_low: float, t_top: float) -> Walls:
+def _i_walls(h: float, low: float, top: float, web: float, t_low: float, t_top: float) -> Walls:
     """Walls of an I section: height, widths of both flanges, thicknesses of web and flanges."""
     middle = (t_low, h - t_top, -web / 2, web / 2)
     return [(0, t_low, -low / 2, low / 2), middle, (h - t_top, h, -top / 2, top / 2)]
 
 
-def _t(width: float, h: float, flange: float, web: float) -> Walls:
+def _t_walls(width: float, h: float, flange: float, web: float) -> Walls:
     """Walls of a T section: width, height, thicknesses of flange and web."""
     return [(h - flange, h, -width / 2, width / 2), (0, h - flange, -web / 2, web / 2)]
 
 
-def _chan(width: float, h: float, web: float, flange: float) -> Walls:
+def _channel_walls(width: float, h: float, web: float, flange: float) -> Walls:
     """Walls of a channel section: width, height, thicknesses of web and flanges."""
     return [(0, flange, 0, width), (flange, h - flange, 0, web), (h - flange, h, 0, width)]
 
 
-def _angle(width: float, h: float, base: float, leg: float) -> Walls:
+def _l_walls(width: float, h: float, base: float, leg: float) -> Walls:
     """Walls of an L section: width, height, thicknesses of the base and the upright leg."""
     return [(0, base, 0, width), (base, h, 0, leg)]
 
 
 #: Shape -> its cross-section, or its walls, as a function of its dimensions; plane 1 is upright.
-SHAPES: dict[str, Callable[..., profiles.Profile | Walls]] = {
+BEAM_SHAPES: dict[str, Callable[..., profiles.Profile | Walls]] = {
     "ROD": lambda r: profiles.ellipse(2 * r, 2 * r),
     "TUBE": lambda outer, inner: profiles.tube(outer, outer - inner),
     "TUBE2": profiles.tube,
@@ -252,29 +264,34 @@ SHAPES: dict[str, Callable[..., profiles.Profile | Walls]] = {
     "BOX": lambda width, h, flange, web: profiles.box(h, width, flange, web),
     "HEXA": lambda tip, width, h: profiles.hexagon(h, width, tip),
     "CROSS": lambda arms, t, h, bar: [
-        *((-h / 2, h / 2, -t / 2, t / 2), *_pair(-bar / 2, bar / 2, t / 2, (t + arms) / 2))
+        *(
+            (-h / 2, h / 2, -t / 2, t / 2),
+            *_mirrored_walls(-bar / 2, bar / 2, t / 2, (t + arms) / 2),
+        )
     ],
     "H": lambda between, legs, h, bar: [
-        *_pair(-h / 2, h / 2, between / 2, (between + legs) / 2),
+        *_mirrored_walls(-h / 2, h / 2, between / 2, (between + legs) / 2),
         (-bar / 2, bar / 2, -between / 2, between / 2),
     ],
-    "I": _i,
-    "I1": lambda arms, t, inner, h: _i(h, arms + t, arms + t, t, (h - inner) / 2, (h - inner) / 2),
-    "T": _t,
+    "I": _i_walls,
+    "I1": lambda arms, t, inner, h: _i_walls(
+        h, arms + t, arms + t, t, (h - inner) / 2, (h - inner) / 2
+    ),
+    "T": _t_walls,
     "T1": lambda flange, web, t_flange, t_web: [
         (-flange / 2, flange / 2, 0, t_flange),
         (-t_web / 2, t_web / 2, t_flange, t_flange + web),
     ],
-    "T2": _t,
-    "CHAN": _chan,
-    "CHAN1": lambda arm, web, inner, h: _chan(arm + web, h, web, (h - inner) / 2),
+    "T2": _t_walls,
+    "CHAN": _channel_walls,
+    "CHAN1": lambda arm, web, inner, h: _channel_walls(arm + web, h, web, (h - inner) / 2),
     "CHAN2": lambda leg, base, h, width: [
         *((0, base, 0, width), (base, h, 0, leg), (base, h, width - leg, width))
     ],
     "HAT": lambda h, t, top, brim: [
         (h - t, h, -top / 2, top / 2),
-        *_pair(t, h - t, -top / 2, t - top / 2),
-        *_pair(0, t, -top / 2 - brim, t - top / 2),
+        *_mirrored_walls(t, h - t, -top / 2, t - top / 2),
+        *_mirrored_walls(0, t, -top / 2 - brim, t - top / 2),
     ],
     "BOX1": lambda width, h, top, low, left, right: [
         *((0, low, 0, width), (h - top, h, 0, width)),
@@ -285,11 +302,11 @@ SHAPES: dict[str, Callable[..., profiles.Profile | Walls]] = {
         (h - (h - inner) / 2, h, -web / 2 - arm, web / 2),
         ((h - inner) / 2, h - (h - inner) / 2, -web / 2, web / 2),
     ],
-    "L": _angle,
+    "L": _l_walls,
 }
 
 
-class End(NamedTuple):
+class BeamEnd(NamedTuple):
     """The end node of a beam that lies off its grid point, and how it follows this point."""
 
     #: row of the end node
@@ -297,17 +314,19 @@ class End(NamedTuple):
     #: row of the grid point
     node: int
     #: motions (0 to 5) along `axes` in which the end follows the grid point
-    held: tuple[int, ...]
+    followed_motions: tuple[int, ...]
     #: tangent, height and width of the beam, as rows (3, 3)
     axes: Array
     #: vector from the shear centre, about which the beam twists, to the end
-    beside: Array
+    eccentricity: Array
 
 
-def own_ends(deck: NastranDeck) -> list[End]:
+def separate_ends(deck: NastranDeck) -> list[BeamEnd]:
     """Give offset and released beams end nodes of their own, which are to be joined."""
-    neutral_axes = {e.whole(0): BeamProfiles(e).neutral for e in deck.named(*BEAMS)}
-    ends: list[End] = []
+    neutral_axes = {
+        e.integer(0): BeamProfiles(e).neutral for e in deck.entries_named(*BEAM_PROPERTIES)
+    }
+    ends: list[BeamEnd] = []
     places: list[Array] = []
     count = len(deck.deck.points)
 
@@ -321,25 +340,27 @@ def own_ends(deck: NastranDeck) -> list[End]:
             for k, (place, motions, axes) in ends_moved.items():
                 row = count + len(places)
                 beside = neutral[k] @ axes[1:]
-                ends.append(End(row, int(nodes[k]), motions, axes, beside))
+                ends.append(BeamEnd(row, int(nodes[k]), motions, axes, beside))
                 places.append(place)
                 nodes[k] = row
             if ends_moved:
-                deck.moved.add(element)
+                deck.beams_with_own_ends.add(element)
 
     deck.deck.points = np.vstack([deck.deck.points, *places])
     return ends
 
 
-def join_ends(builder: ModelBuilder, ends: list[End]) -> None:
+def join_ends(builder: ModelBuilder, ends: list[BeamEnd]) -> None:
     """Let the end nodes of offset and released beams follow the grid points."""
     for end in ends:
         builder.apart.append(end.row)
-        leader = builder.joints.leader(end.node)
-        if end.beside.any():
-            builder.tell_once("how mass off the shear centre (N1, N2) couples twist with sway")
+        leader = builder.joints.leader_point(end.node)
+        if end.eccentricity.any():
+            builder.report_once("how mass off the shear centre (N1, N2) couples twist with sway")
         axes_of = {end.row: end.axes}
-        builder.joints.rigid(np.array([end.row]), leader, end.held, axes_of, end.beside)
+        builder.joints.add_rigid(
+            np.array([end.row]), leader, end.followed_motions, axes_of, end.eccentricity
+        )
 
 
 def _ends_of(
@@ -358,7 +379,7 @@ def _ends_of(
     length = float(np.linalg.norm(line))
     is_offset = length > 1e-12 * max(float(np.abs(x).max()), 1e-300)
     entry.needs(is_offset, f"{entry.name} {entry.text(0)} has no length.")
-    height = orientation(deck, entry, line / length)
+    height = plane_1_vector(deck, entry, line / length)
     common_offset = float(offsets[0] @ height)
     residual = max(np.abs(offsets[0] - v).max() for v in (offsets[1], common_offset * height))
     if not any(pins) and not neutral.any() and residual <= 1e-6 * abs(common_offset):
@@ -383,9 +404,9 @@ def offsets_of(deck: NastranDeck, entry: Entry) -> Array:
     return np.stack([w @ frame for w, frame in zip(offsets, frames, strict=True)])
 
 
-def orientation(deck: NastranDeck, entry: Entry, tangent: Array) -> Array:
+def plane_1_vector(deck: NastranDeck, entry: Entry, tangent: Array) -> Array:
     """Unit vector of plane 1 across the beam's axis `tangent`."""
-    v = _vector(deck, entry)
+    v = _orientation_vector(deck, entry)
     height = v - (v @ tangent) * tangent
     size = float(np.linalg.norm(height))
     message = f"the orientation of {entry.name} {entry.text(0)} is missing, or along its axis."
@@ -393,7 +414,7 @@ def orientation(deck: NastranDeck, entry: Entry, tangent: Array) -> Array:
     return np.asarray(height / size)
 
 
-def _vector(deck: NastranDeck, entry: Entry) -> Array:
+def _orientation_vector(deck: NastranDeck, entry: Entry) -> Array:
     """Orientation vector of an element: fields 5 to 7, or to the node in field 5."""
     a = deck.node_in(entry, 2)
     if entry.text(4) and not entry.text(5) and not entry.text(6) and "." not in entry.text(4):

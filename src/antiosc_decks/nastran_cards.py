@@ -9,31 +9,32 @@ from itertools import takewhile, zip_longest
 from typing import NamedTuple
 
 from antiosc.base.errors import MeshError
-from antiosc_decks.entries import DeckPlace, Placed, real_number, whole_number
-from antiosc_decks.sources import Account, Fate, Sources, table
+from antiosc_decks.entries import DeckItem, DeckPlace, real_number, whole_number
+from antiosc_decks.sources import Account, Fate, Sources, fate_table
 
 #: Names of properties in comments of pre-processors: HyperMesh, ANSA, Femap.
-PROPERTY_NAMES = (
+PROPERTY_NAME_COMMENTS = (
     re.compile(r'\$HMNAME\s+PROP\s+(\d+)\s*"([^"]+)"'),
     re.compile(r"\$ANSA_NAME(?:_COMMENT)?;(\d+);P\w+;([^;]+);"),
     re.compile(r"\$ Femap(?: with NX Nastran)? Property (\d+) : (.+)"),
 )
 #: Entries with free text instead of fields.
-TEXTS = ("DEQATN",)
-LONG_LINE = """a line of free fields ends with the mark of the next line, and one of GRID has up to
+FREE_TEXT_ENTRIES = ("DEQATN",)
+LONG_LINE_REMEDY = """\
+a line of free fields ends with the mark of the next line, and one of GRID has up to
 8 fields after its name; write the further ones in a line of their own.""".replace("\n", " ")
 #: Most copies of one entry.
-MOST_COPIES = 1_000_000
+MAX_COPIES = 1_000_000
 #: A number without "+", since "+1" may mark a continuation.
-_NUMBER = re.compile(r"-?\.?\d")
-_MARK = re.compile(r"[+*][A-Za-z]")
-_INCLUDE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
-_SUBCASE = re.compile(r"\s*(SUBCASE|SUBCOM|SYM|SYMCOM|REPCASE)\b", re.IGNORECASE)
-_SELECTED = re.compile(r"\s*(SPC|MPC)\s*=\s*(\d+)\s*$", re.IGNORECASE)
+_NUMBER_START = re.compile(r"-?\.?\d")
+_CONTINUATION_MARK = re.compile(r"[+*][A-Za-z]")
+_INCLUDE_LINE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
+_SUBCASE_LINE = re.compile(r"\s*(SUBCASE|SUBCOM|SYM|SYMCOM|REPCASE)\b", re.IGNORECASE)
+_SELECTED_SET = re.compile(r"\s*(SPC|MPC)\s*=\s*(\d+)\s*$", re.IGNORECASE)
 
 
 @dataclass
-class Entry(Placed):
+class Entry(DeckItem):
     """One entry of bulk data: its name, and its fields without the name, eight for each line."""
 
     name: str
@@ -52,24 +53,24 @@ class Entry(Placed):
         """The fields from `first` to `stop` that are not blank."""
         return [word for field_text in self.fields[first:stop] if (word := field_text.strip())]
 
-    def _filled(self, k: int) -> str:
+    def _required_text(self, k: int) -> str:
         """Field `k` as text; MeshError if it is blank."""
         self.needs(self.text(k), f"field {k + 2} of {self.name} is empty.")
         return self.text(k)
 
-    def whole(self, k: int, default: int | None = None) -> int:
+    def integer(self, k: int, default: int | None = None) -> int:
         """Field `k` as an integer; MeshError if it is none, or blank without a default."""
         if default is not None and not self.text(k):
             return default
-        return whole_number(self._filled(k), self.place)
+        return whole_number(self._required_text(k), self.place)
 
     def property_number(self) -> int:
         """Number of an element's property; if blank, that of the element itself."""
         if self.name == "CONROD":
             return 0
-        return self.whole(1, self.whole(0))
+        return self.integer(1, self.integer(0))
 
-    def its_property(self, name: str, known: dict[int, Entry]) -> Entry:
+    def find_property(self, name: str, known: dict[int, Entry]) -> Entry:
         """The property entry of an element, among those of the card `name`."""
         number = self.property_number()
         return self.place.look_up(known, number, f"{self.name} has no {name} {number}.")
@@ -78,7 +79,7 @@ class Entry(Placed):
         """Field `k` as a number; MeshError if it is none, or blank without a default."""
         if default is not None and not self.text(k):
             return default
-        return real_number("".join(self._filled(k).split()), self.place)
+        return real_number("".join(self._required_text(k).split()), self.place)
 
     def reals(self, first: int, stop: int) -> list[float]:
         """The numbers of fields `first` to `stop`; 0 if blank."""
@@ -88,7 +89,7 @@ class Entry(Placed):
 def motions_of(text: str, place: DeckPlace) -> list[int]:
     """Motions 0 to 5 of components such as "123" or "1 2 3"; none for "0" and ""."""
     digits = "".join(text.split())
-    place.needs(set(digits) <= set("0123456"), f"{text!r} are not components from 1 to 6.")
+    place.require(set(digits) <= set("0123456"), f"{text!r} are not components from 1 to 6.")
     return sorted({int(c) - 1 for c in digits} - {-1})
 
 
@@ -143,7 +144,7 @@ class Continuations:
             entry.fault = entry.fault or error
 
 
-class Bulk:
+class BulkData:
     """The entries of a deck and of its included files."""
 
     def __init__(self, sources: Sources) -> None:
@@ -157,7 +158,7 @@ class Bulk:
         self.selected: dict[tuple[str, int], int] | None = None
         self._subcase = 0
         self._sources = sources
-        lines = sources.main()
+        lines = sources.main_lines()
         # a file without case control contains only bulk data
         self._started = not any(_is_begin_bulk(line.split("$")[0]) for line in lines)
         self._ended = False
@@ -166,12 +167,12 @@ class Bulk:
         self._continued = False
         #: changes of the fields of the last copied entry
         self._changes: list[str] | None = None
-        self._read(lines, sources.name)
+        self._read_lines(lines, sources.name)
         if not self.entries:
             raise MeshError(f"{sources.name} contains no bulk data (GRID, CHEXA, …).")
         self._continuations.find_lost()
 
-    def _read(self, lines: list[str], file: str) -> None:
+    def _read_lines(self, lines: list[str], file: str) -> None:
         """Read the lines of one file."""
         number = 0
         while number < len(lines) and not self._ended:
@@ -179,13 +180,13 @@ class Bulk:
             line = lines[number - 1]
             place = DeckPlace(file, number)
             line, comment, text = line.partition("$")
-            for pattern in PROPERTY_NAMES if comment else ():
+            for pattern in PROPERTY_NAME_COMMENTS if comment else ():
                 if noted := pattern.match("$" + text):
                     self.names[int(noted[1][:18])] = noted[2].strip()
             line = line.rstrip()
             if not line.strip():
                 continue
-            if match := _INCLUDE.match(line):
+            if match := _INCLUDE_LINE.match(line):
                 file_name = match[1].strip()
                 while file_name[:1] in "'\"" and file_name and file_name.count(file_name[0]) < 2:
                     if number >= len(lines):  # the name ends at its quote
@@ -193,30 +194,30 @@ class Bulk:
                     file_name += lines[number].strip()
                     number += 1
                 try:
-                    included = self._sources.enter(file_name, place)
+                    included = self._sources.enter_file(file_name, place)
                 except MeshError as error:
                     if self._started:
                         raise
                     self.remarks.append(f"{error} It is not read: it stands before the bulk data.")
                     continue
-                self._read(included, file_name.strip("'\" "))
-                self._sources.leave()
+                self._read_lines(included, file_name.strip("'\" "))
+                self._sources.leave_file()
             elif not self._started:
-                self._control(line)
+                self._read_control(line)
             else:
-                self._line(line.expandtabs(8), place)
+                self._read_line(line.expandtabs(8), place)
 
-    def _control(self, line: str) -> None:
+    def _read_control(self, line: str) -> None:
         """Read a line of the case control section."""
         if _is_begin_bulk(line):
             self._started = True
             return
         self.selected = self.selected or {}
-        self._subcase += bool(_SUBCASE.match(line))
-        if match := _SELECTED.match(line):
+        self._subcase += bool(_SUBCASE_LINE.match(line))
+        if match := _SELECTED_SET.match(line):
             self.selected[match[1].upper(), self._subcase] = int(match[2][:18])
 
-    def _line(self, line: str, place: DeckPlace) -> None:
+    def _read_line(self, line: str, place: DeckPlace) -> None:
         """Read a line of bulk data."""
         words = line.upper().split()
         if words[0].startswith("ENDDATA"):
@@ -231,17 +232,19 @@ class Bulk:
         if continued and words[0][0].isdigit() and "," in line:
             line = "," + line
 
-        if words[0].startswith(TEXTS):
-            self._begin(Entry(words[0][:6], place))
+        if words[0].startswith(FREE_TEXT_ENTRIES):
+            self._begin_entry(Entry(words[0][:6], place))
             return
-        if self.entries and self.entries[-1].name in TEXTS and line[0] in " +*,":
+        if self.entries and self.entries[-1].name in FREE_TEXT_ENTRIES and line[0] in " +*,":
             return
         name, fields, large, mark = fields_of(line)
-        is_long = (name == "GRID" and any(fields[8:])) or any(map(_MARK.match, fields[4:]))
-        fault = place.error(LONG_LINE) if is_long else None
+        is_long = (name == "GRID" and any(fields[8:])) or any(
+            map(_CONTINUATION_MARK.match, fields[4:])
+        )
+        fault = place.error(LONG_LINE_REMEDY) if is_long else None
 
         if name[:1] == "=":
-            self._copy(words[0].split(",")[0], fields, place)
+            self._copy_last(words[0].split(",")[0], fields, place)
         elif name[:1] in ("", "+", "*"):
             entry = self._continuations.entry_of(name, place)
             filled = -len(entry.fields) % 8
@@ -251,33 +254,35 @@ class Bulk:
             entry.fault = entry.fault or fault
             self._continuations.note_end(entry, mark)
         elif name[0].isalpha():
-            self._begin(Entry(name.rstrip("*").strip().upper(), place, fields, fault), mark)
+            self._begin_entry(Entry(name.rstrip("*").strip().upper(), place, fields, fault), mark)
         else:
             fault = place.error(f"{name[:20]!r} is not an entry of Nastran's bulk data.")
             if not self.entries:
                 raise fault
             self.entries[-1].fault = fault
 
-    def _begin(self, entry: Entry, mark: str = "") -> None:
+    def _begin_entry(self, entry: Entry, mark: str = "") -> None:
         """Begin an entry."""
         self.entries.append(entry)
         self._continuations.note_end(entry, mark)
 
-    def _copy(self, name: str, fields: list[str], place: DeckPlace) -> None:
+    def _copy_last(self, name: str, fields: list[str], place: DeckPlace) -> None:
         """Copy the last entry: = repeats a field, == the remaining ones, *(2) adds 2."""
-        place.needs(self.entries, "a copy (=) without an entry before it.")
+        place.require(self.entries, "a copy (=) without an entry before it.")
         times = 1
         if name != "=":
             times = whole_number(name[1:].strip("()"), place)
-            allowed = 0 < times <= MOST_COPIES and self._changes is not None
-            place.needs(allowed, f"{name[:20]!r} repeats no copy, or one too often.")
+            allowed = 0 < times <= MAX_COPIES and self._changes is not None
+            place.require(allowed, f"{name[:20]!r} repeats no copy, or one too often.")
         else:
             self._changes = [*takewhile(lambda word: word != "==", fields)]
         changes = self._changes or []
         for _ in range(times):
             last = self.entries[-1]
             pairs = zip_longest(last.fields, changes[: len(last.fields)], fillvalue="=")
-            self._begin(Entry(last.name, place, [_changed_field(*pair, place) for pair in pairs]))
+            self._begin_entry(
+                Entry(last.name, place, [_changed_field(*pair, place) for pair in pairs])
+            )
 
 
 def _is_begin_bulk(line: str) -> bool:
@@ -304,7 +309,9 @@ def fields_of(line: str) -> tuple[str, list[str], bool, str]:
         large = first.endswith("*") or first.startswith("*")
         count = 4 if large else 8
         mark = "".join(other_parts[count : count + 1])
-        if any(other_parts[count + 1 :]) or _NUMBER.match(mark):  # a line as long as the entry
+        if any(other_parts[count + 1 :]) or _NUMBER_START.match(
+            mark
+        ):  # a line as long as the entry
             return first, other_parts + [""] * (-len(other_parts) % count), large, ""
         return first, (other_parts + [""] * count)[:count], large, mark
     name = line[:8].strip()
@@ -315,7 +322,7 @@ def fields_of(line: str) -> tuple[str, list[str], bool, str]:
     return name, fields, large, line[72:80]
 
 
-def through(words: list[str], place: DeckPlace) -> Iterator[tuple[int, int]]:
+def thru_ranges(words: list[str], place: DeckPlace) -> Iterator[tuple[int, int]]:
     """Yield (first, last) of the ranges in a list with THRU; a single number is a range of one."""
     words = [word for word in words if word]
     k = 0
@@ -328,7 +335,7 @@ def through(words: list[str], place: DeckPlace) -> Iterator[tuple[int, int]]:
         yield first, last
 
 
-class Cell(NamedTuple):
+class CellFormat(NamedTuple):
     """How an element that is a cell of a mesh is read; fields are counted from 0."""
 
     #: a key of `antiosc.io.neutral.EDGES`
@@ -346,29 +353,33 @@ class Cell(NamedTuple):
     flag: int = 9
 
 
-_SOLID = ("solid", ("PSOLID", "PCOMPS"))
-_SHELL = ("shell", ("PSHELL", "PCOMP", "PCOMPG"))
+_SOLID_ROLE = ("solid", ("PSOLID", "PCOMPS"))
+_SHELL_ROLE = ("shell", ("PSHELL", "PCOMP", "PCOMPG"))
 #: Properties of beams.
-BEAMS = ("PBAR", "PBARL", "PBEAM", "PBEAML")
-_BEAM = Cell("line", "beam", BEAMS)
-_ROD = Cell("line", "rod", ("PROD",))
-_PYRAMID = Cell("pyramid", *_SOLID, tuple(range(8)))
+BEAM_PROPERTIES = ("PBAR", "PBARL", "PBEAM", "PBEAML")
+_BEAM_CELL = CellFormat("line", "beam", BEAM_PROPERTIES)
+_ROD_CELL = CellFormat("line", "rod", ("PROD",))
+_PYRAMID_CELL = CellFormat("pyramid", *_SOLID_ROLE, tuple(range(8)))
 #: Element that is a cell -> how it is read. Nastran lists the middles of the upright edges of a
 #: solid before those of its top.
-CELLS = {
-    "CTETRA": Cell("tetra", *_SOLID, tuple(range(6))),
-    "CPYRAM": _PYRAMID,
-    "CPYRA": _PYRAMID,
-    "CPENTA": Cell("wedge", *_SOLID, (0, 1, 2, 6, 7, 8, 3, 4, 5)),
-    "CHEXA": Cell("hexahedron", *_SOLID, (0, 1, 2, 3, 8, 9, 10, 11, 4, 5, 6, 7)),
-    **dict.fromkeys(("CTRIA3", "CTRIAR", "CTRIA3K"), Cell("triangle", *_SHELL, theta=5, offset=6)),
-    "CTRIA6": Cell("triangle", *_SHELL, (0, 1, 2), theta=8, offset=9, flag=13),
-    **dict.fromkeys(("CQUAD4", "CQUADR", "CQUAD4K"), Cell("quad", *_SHELL, theta=6, offset=7)),
-    "CQUAD8": Cell("quad", *_SHELL, (0, 1, 2, 3), theta=14, offset=15, flag=16),
-    **dict.fromkeys(("CBAR", "CBEAM"), _BEAM),
-    "CROD": _ROD,
-    "CTUBE": _ROD._replace(properties=("PTUBE",)),
-    "CONROD": _ROD._replace(properties=("PROD",), first=1),
+CELL_FORMATS = {
+    "CTETRA": CellFormat("tetra", *_SOLID_ROLE, tuple(range(6))),
+    "CPYRAM": _PYRAMID_CELL,
+    "CPYRA": _PYRAMID_CELL,
+    "CPENTA": CellFormat("wedge", *_SOLID_ROLE, (0, 1, 2, 6, 7, 8, 3, 4, 5)),
+    "CHEXA": CellFormat("hexahedron", *_SOLID_ROLE, (0, 1, 2, 3, 8, 9, 10, 11, 4, 5, 6, 7)),
+    **dict.fromkeys(
+        ("CTRIA3", "CTRIAR", "CTRIA3K"), CellFormat("triangle", *_SHELL_ROLE, theta=5, offset=6)
+    ),
+    "CTRIA6": CellFormat("triangle", *_SHELL_ROLE, (0, 1, 2), theta=8, offset=9, flag=13),
+    **dict.fromkeys(
+        ("CQUAD4", "CQUADR", "CQUAD4K"), CellFormat("quad", *_SHELL_ROLE, theta=6, offset=7)
+    ),
+    "CQUAD8": CellFormat("quad", *_SHELL_ROLE, (0, 1, 2, 3), theta=14, offset=15, flag=16),
+    **dict.fromkeys(("CBAR", "CBEAM"), _BEAM_CELL),
+    "CROD": _ROD_CELL,
+    "CTUBE": _ROD_CELL._replace(properties=("PTUBE",)),
+    "CONROD": _ROD_CELL._replace(properties=("PROD",), first=1),
 }
 #: Entries that define several items in one line -> number of fields of each item.
 FIELDS_PER_ITEM = {
@@ -376,34 +387,44 @@ FIELDS_PER_ITEM = {
     **dict.fromkeys(("PDAMP", "PMASS"), 2),
 }
 #: Fields of CBAR and CBEAM that are blank together: property, orientation, offsets' axes.
-_OF_BARS = ((1,), (4, 5, 6), (7,))
+_BAR_DEFAULT_FIELDS = ((1,), (4, 5, 6), (7,))
 #: Entry -> (entry with its defaults, groups of fields that take them if all of a group are blank).
-DEFAULTS = {
+DEFAULT_ENTRIES = {
     "GRID": ("GRDSET", ((1,), (5,), (6,))),
-    "CBAR": ("BAROR", _OF_BARS),
-    "CBEAM": ("BEAMOR", _OF_BARS),
+    "CBAR": ("BAROR", _BAR_DEFAULT_FIELDS),
+    "CBEAM": ("BEAMOR", _BAR_DEFAULT_FIELDS),
 }
 #: Properties that give sections.
-PROPERTIES = tuple(dict.fromkeys(name for cell in CELLS.values() for name in cell.properties))
+SECTION_PROPERTIES = tuple(
+    dict.fromkeys(name for cell in CELL_FORMATS.values() for name in cell.properties)
+)
 #: Elements that are read but are not cells of a mesh.
-NON_CELLS = (
+NON_CELL_ELEMENTS = (
     *(f"{kind}{k}" for kind in ("CELAS", "CDAMP", "CMASS") for k in (1, 2, 3, 4)),
     *("CONM2", "CBUSH", "CBUSH1D", "RBE2", "RBE3", "RBAR"),
 )
 #: Material, element or property -> the field (from 0) of its damping GE.
-DAMPING = {"MAT1": 7, "MAT2": 12, "MAT8": 16, "MAT9": 30, "PCOMP": 6, "PCOMPG": 6, "CELAS2": 6}
+DAMPING_FIELDS = {
+    "MAT1": 7,
+    "MAT2": 12,
+    "MAT8": 16,
+    "MAT9": 30,
+    "PCOMP": 6,
+    "PCOMPG": 6,
+    "CELAS2": 6,
+}
 #: Elements without a counterpart here, as are those that begin with C and are in no list.
-NO_COUNTERPART = """
+UNSUPPORTED_ELEMENTS = """
 RBE1 RBAR1 RROD RTRPLT RTRPLT1 RSPLINE RJOINT RSSCON CFAST CWELD CSEAM CBEAM3 CBUSH2D CDAMP5 CTRIAX
 CTRIAX6 CTRAX3 CTRAX6 CQUADX CQUADX4 CQUADX8 CQUAD CPLSTN3 CPLSTN4 CPLSTN6 CPLSTN8 CPLSTS3 CPLSTS4
 CPLSTS6 CPLSTS8 CHACAB CHACBR CAABSF CFLUID2 CFLUID3 CFLUID4 CRAC2D CRAC3D
 """
 
-_READ = """
+_OTHER_READ_ENTRIES = """
 GRID GRDSET SPOINT CORD1R CORD1C CORD1S CORD2R CORD2C CORD2S BAROR BEAMOR PELAS PDAMP
 PBUSH PBUSH1D PMASS MAT1 MAT2 MAT8 MAT9 MAT11 SPC SPC1 SPCADD MPC MPCADD PARAM
 """
-_HARMLESS = """
+_HARMLESS_ENTRIES = """
 ECHOON ECHOOFF MDLPRM PLOTEL PLOTEL3 PLOTEL4 PLOTEL6 PLOTEL8 PLOTTET PLOTPYR PLOTPEN PLOTHEX POINT
 SEQGP CNGRNT SNORM MATCID CBARAO TABLE3D SET1 SET2 SET3 SPCOFF SPCOFF1 ASET ASET1 BSET BSET1 CSET
 CSET1 OMIT OMIT1 QSET QSET1 USET USET1 BNDFIX BNDFIX1 BNDFREE BNDFREE1 SESET SEBSET SEBSET1 SECSET
@@ -424,12 +445,12 @@ PBRSECT PCONEAX PMIC PACABS PAABSF PACBAR PGPLSN MAT3 MAT10 MAT3D MATG MATHE MAT
 BCPARA BCTPARA BCTPARM BCRPARA BFRIC BSURF BSURFS BCPROP BCPROPS BLSEG BCMATL BCRGSRF BCNURBS
 """
 #: Cards of contact, which are ignored when one piece of the deck is read alone.
-CONTACT = (
+CONTACT_ENTRIES = (
     *("BCTABLE", "BCTABL1", "BCONTACT", "BCONECT", "BCONP", "BCTSET", "BCTADD", "BCBODY"),
     *("BCBODY1", "BCGRID", "BCRIGID"),
 )
-_REFUSED = {
-    "contact": " ".join(CONTACT),
+_REFUSED_ENTRIES = {
+    "contact": " ".join(CONTACT_ENTRIES),
     "glue": "BGSET BGADD BGPARM",
     "a matrix": "DMIG DMIAX TF",
     "a superelement: write the elements out": "CSUPER CSUPEXT RELEASE SEMPLN SEELT SEBNDRY SEBULK "
@@ -449,23 +470,32 @@ _REFUSED = {
 }
 
 #: Free in normal modes (SOL 103), fixed in those of a Craig–Bampton reduction.
-_SUPORT = Fate("ignored", "(what it supports stays free)")
+_SUPORT_FATE = Fate("ignored", "(what it supports stays free)")
 
-_READ_ALL = (*_READ.split(), *CELLS, *PROPERTIES, *NON_CELLS)
-ENTRIES = table(read=_READ_ALL, harmless=_HARMLESS.split(), refused=_REFUSED | {"": NO_COUNTERPART})
+_READ_ENTRIES = (
+    *_OTHER_READ_ENTRIES.split(),
+    *CELL_FORMATS,
+    *SECTION_PROPERTIES,
+    *NON_CELL_ELEMENTS,
+)
+ENTRY_FATES = fate_table(
+    read=_READ_ENTRIES,
+    harmless=_HARMLESS_ENTRIES.split(),
+    refused=_REFUSED_ENTRIES | {"": UNSUPPORTED_ELEMENTS},
+)
 #: Loads that begin as elements do.
-ENTRIES |= dict.fromkeys(("CLOAD", "CREEP", "CHBDY", "CHBDYE", "CHBDYG", "CHBDYP"), Fate())
-ENTRIES |= dict.fromkeys(("SUPORT", "SUPORT1"), _SUPORT)
+ENTRY_FATES |= dict.fromkeys(("CLOAD", "CREEP", "CHBDY", "CHBDYE", "CHBDYG", "CHBDYP"), Fate())
+ENTRY_FATES |= dict.fromkeys(("SUPORT", "SUPORT1"), _SUPORT_FATE)
 
 
 def fate_of(name: str) -> Fate:
     """The fate of the entries called `name`; unknown elements are refused."""
-    return ENTRIES.get(name, Fate("refused") if name.startswith("C") else Fate())
+    return ENTRY_FATES.get(name, Fate("refused") if name.startswith("C") else Fate())
 
 
-def is_other(name: str) -> bool:
+def is_non_cell(name: str) -> bool:
     """Whether entries called `name` are elements but not cells of a mesh."""
-    return name in NON_CELLS or name.startswith("CHBDY") or fate_of(name).kind == "refused"
+    return name in NON_CELL_ELEMENTS or name.startswith("CHBDY") or fate_of(name).kind == "refused"
 
 
 def account_for(entries: Sequence[Entry], name: str) -> Account:
@@ -473,7 +503,7 @@ def account_for(entries: Sequence[Entry], name: str) -> Account:
     return Account(name, [(entry.name, entry.place, fate_of(entry.name)) for entry in entries])
 
 
-def separated(entries: Sequence[Entry]) -> list[Entry]:
+def split_items(entries: Sequence[Entry]) -> list[Entry]:
     """The entries, each split so that it defines one item."""
     separate = []
     for entry in entries:
@@ -487,23 +517,23 @@ def separated(entries: Sequence[Entry]) -> list[Entry]:
 
 def fill_defaults(entries: Sequence[Entry]) -> None:
     """Fill blank fields with the defaults (BAROR, GRDSET, …)."""
-    names = {name for name, _ in DEFAULTS.values()}
+    names = {name for name, _ in DEFAULT_ENTRIES.values()}
     defaults = {entry.name: entry for entry in entries if entry.name in names}
     for entry in entries if defaults else ():
-        name, groups = DEFAULTS.get(entry.name, ("", ()))
+        name, groups = DEFAULT_ENTRIES.get(entry.name, ("", ()))
         if default := defaults.get(name):
             entry.fields += [""] * (8 - len(entry.fields))
             for group in groups:
                 if not any(entry.text(k) for k in group):
                     if group in ((1,), (5,)):  # numbers of properties and systems
-                        default.whole(group[0], 0)
+                        default.integer(group[0], 0)
                     entry.fields[group[0] : group[-1] + 1] = [default.text(k) for k in group]
 
 
-def tell_damping(account: Account, entries: Sequence[Entry]) -> None:
+def report_damping(account: Account, entries: Sequence[Entry]) -> None:
     """Report the damping of materials (GE) and of the structure (PARAM,G) as ignored."""
     for entry in entries:
-        field = DAMPING.get(entry.name)
+        field = DAMPING_FIELDS.get(entry.name)
         if entry.name == "PARAM" and entry.text(0).upper() == "G":
             field = 1
         if field is not None and entry.real(field):

@@ -16,7 +16,7 @@ from antiosc.io.conversion import Array, Block, Deck, IntArray
 from antiosc.io.neutral import CORNERS
 from antiosc_decks import nastran_cards as cards, properties as geometry
 from antiosc_decks.entries import DeckPlace, Numbering, whole_number
-from antiosc_decks.nastran_cards import CELLS, Bulk, Entry, through
+from antiosc_decks.nastran_cards import CELL_FORMATS, BulkData, Entry, thru_ranges
 from antiosc_decks.sources import Account, Fate, Sources
 
 
@@ -57,7 +57,7 @@ class CoordinateSystem:
         return np.asarray(np.stack(rows) @ self.axes)
 
 
-BASIC = CoordinateSystem(np.zeros(3), np.eye(3))
+BASIC_SYSTEM = CoordinateSystem(np.zeros(3), np.eye(3))
 
 
 def axes_of(points: list[Array], entry: Entry) -> Array:
@@ -69,7 +69,7 @@ def axes_of(points: list[Array], entry: Entry) -> Array:
     return geometry.axes_of(x, arm)
 
 
-class Systems:
+class CoordinateSystems:
     """The coordinate systems of a deck; each is computed on first use."""
 
     def __init__(self, entries: list[Entry], node: Callable[[int, DeckPlace], Array]) -> None:
@@ -82,31 +82,31 @@ class Systems:
     def __call__(self, number: int, place: DeckPlace) -> CoordinateSystem:
         """The system `number`; MeshError if there is none, or it depends on itself."""
         if not number:
-            return BASIC
+            return BASIC_SYSTEM
         if number not in self._placed:
             entry = place.look_up(self._given, number, f"there is no coordinate system {number}.")
             closed = number not in self._open and len(self._open) <= 200
-            place.needs(closed, f"the coordinate system {number} depends on itself.")
+            place.require(closed, f"the coordinate system {number} depends on itself.")
             self._open.add(number)
-            self._placed[number] = self._place(entry)
+            self._placed[number] = self._compute_system(entry)
             self._open.discard(number)
         return self._placed[number]
 
-    def _place(self, entry: Entry) -> CoordinateSystem:
+    def _compute_system(self, entry: Entry) -> CoordinateSystem:
         """Compute the system of an entry."""
         if entry.name.startswith("CORD1"):
-            points = [self._node(entry.whole(k), entry.place) for k in (1, 2, 3)]
+            points = [self._node(entry.integer(k), entry.place) for k in (1, 2, 3)]
         else:
-            base = self(entry.whole(1, 0), entry.place)
+            base = self(entry.integer(1, 0), entry.place)
             points = [base.point(np.array(entry.reals(k, k + 3))) for k in (2, 5, 8)]
         z, x, y = axes_of(points, entry)  # z to the second point, y across all
         return CoordinateSystem(points[0], np.stack([x, y, z]), entry.name[-1])
 
 
 #: Selection of the case control -> entries with such sets; the name of their sum ends with ADD.
-SETS = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",)}
+SET_ENTRIES = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",)}
 #: Elements between scalar motions, by the first letters of their names.
-SCALARS = ("CELAS", "CDAMP", "CMASS")
+SCALAR_ELEMENTS = ("CELAS", "CDAMP", "CMASS")
 
 
 @dataclass
@@ -114,12 +114,12 @@ class NastranDeck:
     """A deck, and the entries of its elements and nodes."""
 
     deck: Deck
-    bulk: Bulk
+    bulk: BulkData
     nodes: Numbering
-    systems: Systems
+    systems: CoordinateSystems
     #: GRID entries in the order of rows; row -> number of scalar points, which follow them
     grids: list[Entry]
-    scalar: dict[int, int]
+    scalar_points: dict[int, int]
     #: what becomes of each entry
     account: Account
     #: entry of each element that is a cell, in the order of the deck's elements
@@ -127,27 +127,28 @@ class NastranDeck:
     #: system of the displacements at each node: row -> number, where it is not the basic one
     systems_of: dict[int, int] = field(default_factory=dict)
     #: beams with end nodes of their own
-    moved: set[int] = field(default_factory=set)
+    beams_with_own_ends: set[int] = field(default_factory=set)
 
-    def named(self, *names: str) -> list[Entry]:
+    def entries_named(self, *names: str) -> list[Entry]:
         """All entries with one of these names."""
         return [entry for entry in self.bulk.entries if entry.name in names]
 
     def parameter(self, name: str) -> Entry | None:
         """The PARAM entry of this name; None if there is none."""
-        return next((e for e in self.named("PARAM") if e.text(0).upper() == name), None)
+        return next((e for e in self.entries_named("PARAM") if e.text(0).upper() == name), None)
 
-    def used_sets(self, what: str) -> set[int]:
+    def used_sets(self, set_kind: str) -> set[int]:
         """Numbers of the SPC or MPC sets that the first subcase selects, else of all sets."""
         name = self.deck.name
         tell = self.deck.remarks.append
-        numbers = {entry.whole(0) for entry in self.named(*SETS[what])}
+        numbers = {entry.integer(0) for entry in self.entries_named(*SET_ENTRIES[set_kind])}
         if self.bulk.selected is None:
             if len(numbers) > 1:
-                tell(f"{name} has no case control: its {what} {_sets_text(numbers)} are all taken.")
+                sets = f"its {set_kind} {_sets_text(numbers)}"
+                tell(f"{name} has no case control: {sets} are all taken.")
             return numbers
-        first = self.bulk.selected.get((what, 1), self.bulk.selected.get((what, 0)))
-        sums = {entry.whole(0): entry for entry in self.named(f"{what}ADD")}
+        first = self.bulk.selected.get((set_kind, 1), self.bulk.selected.get((set_kind, 0)))
+        sums = {entry.integer(0): entry for entry in self.entries_named(f"{set_kind}ADD")}
 
         selected = set() if first is None else {first}
         if first in sums:
@@ -157,28 +158,28 @@ class NastranDeck:
         missing = selected - numbers
         unselected = (numbers | set(sums)) - selected - {first}
 
-        if missing and missing == selected and what == "SPC":
+        if missing and missing == selected and set_kind == "SPC":
             raise MeshError(f"the case control of {name} selects SPC = {first}, not there.")
         if missing:
-            tell(f"{what} = {first} of {name} needs the {_sets_text(missing)}, not there.")
+            tell(f"{set_kind} = {first} of {name} needs the {_sets_text(missing)}, not there.")
         if unselected:
-            told = f"not used of {name}: {what} {_sets_text(unselected)}"
+            told = f"not used of {name}: {set_kind} {_sets_text(unselected)}"
             tell(f"{told}, which the first subcase does not select.")
         return selected & numbers
 
     def row(self, label: int, place: DeckPlace) -> int:
         """Row of the node numbered `label`."""
         row = int(self.nodes.rows(np.array([label]))[0])
-        place.needs(row >= 0, f"there is no GRID {label}.")
+        place.require(row >= 0, f"there is no GRID {label}.")
         return row
 
     def node_in(self, entry: Entry, k: int) -> int:
         """Row of the node in field `k` of an entry."""
-        return self.row(entry.whole(k), entry.place)
+        return self.row(entry.integer(k), entry.place)
 
     def properties(self, name: str) -> dict[int, Entry]:
         """Number of a property -> its entry."""
-        return {entry.whole(0): entry for entry in self.named(name) if entry.text(0)}
+        return {entry.integer(0): entry for entry in self.entries_named(name) if entry.text(0)}
 
     def property_numbers(self) -> IntArray:
         """Number of the property of each element."""
@@ -190,31 +191,31 @@ class NastranDeck:
         for number in map(int, np.unique(numbers[numbers > 0])):
             for name in filter(None, (str(number), self.bulk.names.get(number))):
                 self.deck.element_sets[name] = np.flatnonzero(numbers == number)
-        for number in sorted({entry.whole(0) for entry in self.named("SPC", "SPC1")}):
-            if rows := [rows for rows, _, _ in self.constraints(number)]:
+        for number in sorted({entry.integer(0) for entry in self.entries_named("SPC", "SPC1")}):
+            if rows := [rows for rows, _, _ in self.spc_constraints(number)]:
                 self.deck.node_sets[f"SPC {number}"] = np.unique(np.concatenate(rows))
 
-    def constraints(self, number: int) -> Iterator[tuple[IntArray, str, Entry]]:
+    def spc_constraints(self, number: int) -> Iterator[tuple[IntArray, str, Entry]]:
         """Yields (rows of nodes, components such as "123", entry) of one SPC set."""
-        for entry in self.named("SPC", "SPC1"):
-            if entry.whole(0) != number:
+        for entry in self.entries_named("SPC", "SPC1"):
+            if entry.integer(0) != number:
                 continue
             for k in (1, 4) if entry.name == "SPC" else ():
                 if entry.text(k):
                     yield np.array([self.node_in(entry, k)]), entry.text(k + 1), entry
             fields = entry.fields[2:] if entry.name == "SPC1" else []
-            for first, last in through(fields, entry.place):
-                yield self.nodes.between(first, last), entry.text(1), entry
+            for first, last in thru_ranges(fields, entry.place):
+                yield self.nodes.rows_between(first, last), entry.text(1), entry
 
     def scalar_ends(self, entry: Entry) -> list[tuple[int, int]]:
         """[(row, motion 0 to 5)] of the ends of CELAS, CDAMP or CMASS, without the ground."""
         has_components = entry.name[-1] in "12"
         ends = []
         for k in (2, 4) if has_components else (2, 3):
-            if entry.whole(k, 0):
+            if entry.integer(k, 0):
                 row = self.node_in(entry, k)
-                motion = entry.whole(k + 1, 0) - 1 if has_components else -1
-                exists = motion in (-1, 0) if row in self.scalar else 0 <= motion < 6
+                motion = entry.integer(k + 1, 0) - 1 if has_components else -1
+                exists = motion in (-1, 0) if row in self.scalar_points else 0 <= motion < 6
                 entry.needs(exists, f"{entry.name} acts on a component from 1 to 6, or an SPOINT.")
                 ends.append((row, max(motion, 0)))
         entry.needs(ends, f"{entry.name} acts on no node.")
@@ -234,20 +235,20 @@ class NastranDeck:
         return system.axes
 
 
-def read(sources: Sources) -> NastranDeck:
+def read_deck(sources: Sources) -> NastranDeck:
     """Read a deck from its files."""
-    bulk = Bulk(sources)
+    bulk = BulkData(sources)
     for entry in bulk.entries:
         if entry.fault and cards.fate_of(entry.name).kind == "read":
             raise entry.fault
-    bulk.entries = cards.separated(bulk.entries)
+    bulk.entries = cards.split_items(bulk.entries)
     cards.fill_defaults(bulk.entries)
-    deck = _nodes(bulk, sources.name)
+    deck = _read_nodes(bulk, sources.name)
     deck.deck.remarks += bulk.remarks
     _rods_of_bars(deck)
-    for solid in deck.named("PSOLID"):
+    for solid in deck.entries_named("PSOLID"):
         solid.needs(solid.text(6) in ("", "SMECH"), "PSOLID of a fluid: leave its elements out.")
-    _elements(deck)
+    _read_elements(deck)
     deck.set_groups()
     return deck
 
@@ -258,13 +259,13 @@ def _sets_text(numbers: set[int]) -> str:
     return f"set{'s' * (len(numbers) > 1)} {numbers_text}"
 
 
-def _nodes(bulk: Bulk, name: str) -> NastranDeck:
+def _read_nodes(bulk: BulkData, name: str) -> NastranDeck:
     """The deck with its nodes."""
     entries = [entry for entry in bulk.entries if entry.name == "GRID"]
     if not entries:
         raise MeshError(f"{name} defines no nodes (GRID): give the deck that includes this file.")
     grids = list(defined_once(entries, "GRID").values())
-    labels = np.array([grid.whole(0) for grid in grids], dtype=np.int64)
+    labels = np.array([grid.integer(0) for grid in grids], dtype=np.int64)
     scalar = _scalar_points(bulk)
     repeated = np.intersect1d(labels, scalar)
     if len(repeated):
@@ -274,42 +275,42 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
 
     def position(label: int, place: DeckPlace) -> Array:
         row = int(nodes.rows(np.array([label]))[0])
-        place.needs(0 <= row < len(grids), f"there is no GRID {label}.")
+        place.require(0 <= row < len(grids), f"there is no GRID {label}.")
         if row not in positions:
-            system = systems(grids[row].whole(1, 0), grids[row].place)
+            system = systems(grids[row].integer(1, 0), grids[row].place)
             positions[row] = system.point(np.array(grids[row].reals(2, 5)))
         return positions[row]
 
-    systems = Systems(bulk.entries, position)
-    points = [position(grid.whole(0), grid.place) for grid in grids]
+    systems = CoordinateSystems(bulk.entries, position)
+    points = [position(grid.integer(0), grid.place) for grid in grids]
     deck = Deck(name, np.vstack([points, np.zeros((len(scalar), 3))]), labels=labels)
     rows = {len(grids) + k: int(label) for k, label in enumerate(scalar)}
     account = cards.account_for(bulk.entries, name)
-    systems_of = {row: n for row, grid in enumerate(grids) if (n := grid.whole(5, 0))}
+    systems_of = {row: n for row, grid in enumerate(grids) if (n := grid.integer(5, 0))}
     return NastranDeck(deck, bulk, nodes, systems, grids, rows, account, systems_of=systems_of)
 
 
-def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
+def defined_once(entries: list[Entry], noun: str) -> dict[int, Entry]:
     """Number -> its entry; MeshError if two entries of one number differ."""
     first: dict[int, Entry] = {}
     for entry in entries:
-        earlier = first.setdefault(entry.whole(0), entry)
+        earlier = first.setdefault(entry.integer(0), entry)
         fields = range(max(len(earlier.fields), len(entry.fields)))
         equal = all(earlier.text(k) == entry.text(k) for k in fields)
-        message = f"the deck defines the {what} {entry.whole(0)} more than once"
+        message = f"the deck defines the {noun} {entry.integer(0)} more than once"
         alike = equal and earlier.name == entry.name
         entry.needs(alike, f"{message}, first otherwise in {earlier.place}.")
     return first
 
 
-def _scalar_points(bulk: Bulk) -> IntArray:
+def _scalar_points(bulk: BulkData) -> IntArray:
     """Numbers of the scalar points: of SPOINT, and ends of scalar elements."""
     numbers: set[int] = set()
     for entry in bulk.entries:
-        if entry.name[:-1] in SCALARS and entry.name[-1] in "34":
-            numbers.update(entry.whole(k) for k in (2, 3) if entry.whole(k, 0))
+        if entry.name[:-1] in SCALAR_ELEMENTS and entry.name[-1] in "34":
+            numbers.update(entry.integer(k) for k in (2, 3) if entry.integer(k, 0))
         if entry.name == "SPOINT":
-            for first, last in through(entry.fields, entry.place):
+            for first, last in thru_ranges(entry.fields, entry.place):
                 entry.needs(last - first <= 10_000_000, f"SPOINT from {first} to {last}.")
                 numbers.update(range(first, last + 1))
     return np.array(sorted(numbers), dtype=np.int64)
@@ -317,10 +318,10 @@ def _scalar_points(bulk: Bulk) -> IntArray:
 
 def _rods_of_bars(deck: NastranDeck) -> None:
     """Turn CBAR whose PBAR has no second moments into CROD, and report it."""
-    bars = deck.named("PBAR")
+    bars = deck.entries_named("PBAR")
     without_bending = [bar for bar in bars if not any(bar.text(k).strip("+-.0") for k in (3, 4))]
     rods = {entry.text(0): entry for entry in without_bending}
-    for entry in deck.named("CBAR"):
+    for entry in deck.entries_named("CBAR"):
         if (entry.text(1) or entry.text(0)) in rods:
             entry.name = "CROD"
             entry.fields = entry.fields[:4]
@@ -332,33 +333,33 @@ def _rods_of_bars(deck: NastranDeck) -> None:
         deck.account.options.append((message, entry.place, Fate("ignored")))
 
 
-def _elements(deck: NastranDeck) -> None:
+def _read_elements(deck: NastranDeck) -> None:
     """Add blocks by type and number of nodes; elements keep the order of the blocks."""
     groups: dict[tuple[str, bool], list[tuple[Entry, list[int]]]] = {}
     used_numbers: set[int] = set()
     for entry in deck.bulk.entries:
-        cell = CELLS.get(entry.name)
+        cell = CELL_FORMATS.get(entry.name)
         if cell is None:
-            if cards.is_other(entry.name):
+            if cards.is_non_cell(entry.name):
                 deck.deck.skipped[entry.name] += 1
             continue
         corners = CORNERS[cell.shape]
         blank = None if cell.role in ("beam", "rod") else 0  # 0: left out
         places = range(cell.first, cell.first + corners + len(cell.middles))
-        nodes = [entry.whole(k, blank) for k in places]
-        label = entry.whole(0)
+        nodes = [entry.integer(k, blank) for k in places]
+        label = entry.integer(0)
         entry.needs(label not in used_numbers, f"the element {label} is defined more than once.")
         used_numbers.add(label)
         groups.setdefault((entry.name, any(nodes[corners:])), []).append((entry, nodes))
 
     for (name, curved), members in groups.items():
-        cell = CELLS[name]
+        cell = CELL_FORMATS[name]
         corners = CORNERS[cell.shape]
         table = np.array([nodes for _, nodes in members], dtype=np.int64)
         rows = np.where(table > 0, deck.nodes.rows(table), -1)
         is_missing = (rows < 0) & ((table != 0) | (np.arange(table.shape[1]) < corners))
         for row, k in np.argwhere(is_missing):
-            message = f"{name} {members[row][0].whole(0)} has the node {table[row, k]}"
+            message = f"{name} {members[row][0].integer(0)} has the node {table[row, k]}"
             raise members[row][0].place.error(f"{message}, for which there is no GRID.")
         mids = rows[:, corners:][:, list(cell.middles) if curved else []]
         tables = rows[:, :corners], mids, mids[:, :0]

@@ -9,16 +9,22 @@ import numpy as np
 from antiosc.io.conversion import Array
 from antiosc.io.neutral import Model, MotionTerm, UnitSystem
 from antiosc_decks import nastran_beams as beams
-from antiosc_decks.builder import ModelBuilder, Unstated
-from antiosc_decks.constraints import axis_terms, lever
+from antiosc_decks.builder import MaterialDefaults, ModelBuilder
+from antiosc_decks.constraints import axis_terms, lever_matrix
 from antiosc_decks.entries import DeckPlace, real_number
-from antiosc_decks.finished import finished, hold_without_stiffness
-from antiosc_decks.nastran_beams import orientation
-from antiosc_decks.nastran_cards import CONTACT, Entry, motions_of, tell_damping, through
+from antiosc_decks.finished import complete_model, fix_unresisted
+from antiosc_decks.nastran_beams import plane_1_vector
+from antiosc_decks.nastran_cards import (
+    CONTACT_ENTRIES,
+    Entry,
+    motions_of,
+    report_damping,
+    thru_ranges,
+)
 from antiosc_decks.nastran_mesh import NastranDeck
 from antiosc_decks.nastran_properties import Properties
 from antiosc_decks.properties import symmetric
-from antiosc_decks.sources import lines
+from antiosc_decks.sources import lines_text
 
 #: The motions of a node: three displacements, three rotations.
 ALL_MOTIONS = (0, 1, 2, 3, 4, 5)
@@ -27,63 +33,67 @@ ROUNDING_ARM = 1e-9
 #: A negative moment of inertia down to this share of the largest is rounding.
 INERTIA_ROUNDING = 1e-6
 #: Scalar element -> (its property, the quantity that it gives).
-SCALAR = {
+SCALAR_PROPERTIES = {
     "CELAS": ("PELAS", "stiffness"),
     "CDAMP": ("PDAMP", "damping"),
     "CMASS": ("PMASS", "mass"),
 }
 #: Elements with springs along axes -> their property.
-BUSHES = {"CBUSH1D": "PBUSH1D", "CBUSH": "PBUSH"}
+BUSH_PROPERTIES = {"CBUSH1D": "PBUSH1D", "CBUSH": "PBUSH"}
 #: Entries that give masses.
-MASSES = ("CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4")
+MASS_ENTRIES = ("CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4")
 #: Stiffnesses and dampings of the six motions.
-Constants = tuple[list[float], list[float]]
+BushConstants = tuple[list[float], list[float]]
 
 
 @dataclass
 class NastranJoints:
-    """Adds joints and masses of entries to a builder; `factor` (PARAM,WTMASS) scales masses."""
+    """Adds joints and masses of entries to a builder; `mass_factor` (PARAM,WTMASS) scales them."""
 
     nastran: NastranDeck
     builder: ModelBuilder
-    factor: float
+    mass_factor: float
 
     def read(self) -> None:
         """Add rigid elements, constraints, springs and dampers."""
         deck = self.nastran
-        for name, rigid in RIGID.items():
-            for entry in deck.named(name):
+        for name, rigid in RIGID_READERS.items():
+            for entry in deck.entries_named(name):
                 rigid(self, entry)
         mpc_sets = deck.used_sets("MPC")
-        for entry in deck.named("MPC"):
-            if entry.whole(0) in mpc_sets:
+        for entry in deck.entries_named("MPC"):
+            if entry.integer(0) in mpc_sets:
                 self._mpc(entry)
         for kind in ("CELAS", "CDAMP"):
-            self._scalars(kind)
-        for kind, name in BUSHES.items():
+            self._add_scalars(kind)
+        for kind, name in BUSH_PROPERTIES.items():
             properties = deck.properties(name)
-            for entry in deck.named(kind):
-                self._bush(entry, entry.its_property(name, properties))
+            for entry in deck.entries_named(kind):
+                self._add_bush(entry, entry.find_property(name, properties))
 
     def read_masses(self) -> None:
         """Add masses at nodes."""
-        for entry in self.nastran.named("CONM2"):
+        for entry in self.nastran.entries_named("CONM2"):
             self._conm2(entry)
-        self._scalars("CMASS")
+        self._add_scalars("CMASS")
 
-    def _follow(self, rows: list[int], node: int, motions: tuple[int, ...], entry: Entry) -> None:
+    def _add_rigid(
+        self, rows: list[int], node: int, motions: tuple[int, ...], entry: Entry
+    ) -> None:
         """Let motions of some nodes follow another node as a rigid body."""
         entry.needs(node not in rows, f"a GRID of {entry.name} cannot follow itself.")
-        leader = self.builder.joints.leader(node)
+        leader = self.builder.joints.leader_point(node)
         followers = np.array(rows, dtype=np.int64)
-        self.builder.joints.rigid(followers, leader, motions, self.builder.joints.frames)
+        self.builder.joints.add_rigid(followers, leader, motions, self.builder.joints.motion_axes)
 
-    def _nodes(self, entry: Entry, words: list[str]) -> list[int]:
+    def _listed_rows(self, entry: Entry, grid_words: list[str]) -> list[int]:
         """Rows of a list of grid points; those inside a THRU range may be missing."""
         rows: list[int] = []
-        for first, last in through(words, entry.place):
+        for first, last in thru_ranges(grid_words, entry.place):
             rows.append(self.nastran.row(first, entry.place))
-            rows += map(int, self.nastran.nodes.between(first + 1, last) if last > first else ())
+            rows += map(
+                int, self.nastran.nodes.rows_between(first + 1, last) if last > first else ()
+            )
         return rows
 
     def _rbe2(self, entry: Entry) -> None:
@@ -92,7 +102,9 @@ class NastranJoints:
         words = entry.words(3)
         if words and "." in words[-1]:
             words.pop()  # the coefficient of thermal expansion
-        self._follow(self._nodes(entry, words), self.nastran.node_in(entry, 1), motions, entry)
+        self._add_rigid(
+            self._listed_rows(entry, words), self.nastran.node_in(entry, 1), motions, entry
+        )
 
     def _rbar(self, entry: Entry) -> None:
         """RBAR: one node follows another."""
@@ -105,7 +117,7 @@ class NastranJoints:
         is_rigid = set(masters) - {" "} == set("123456") and not dependents
         entry.needs(is_rigid, "RBAR is read with CNA or CNB = 123456 only.")
         motions = _motions(entry, dependent) if dependent else ALL_MOTIONS
-        self._follow([second], first, motions, entry)
+        self._add_rigid([second], first, motions, entry)
 
     def _rbe3(self, entry: Entry) -> None:
         """RBE3: a node follows the weighted mean motion of others."""
@@ -116,7 +128,7 @@ class NastranJoints:
         turning: list[bool] = []
         words = entry.words(4)
         joints = self.builder.joints
-        turns = joints.used & joints.has_rotations
+        turns = joints.used_nodes & joints.has_rotations
 
         k = 0
         while k < len(words) and words[k].upper() not in ("UM", "ALPHA"):
@@ -125,14 +137,14 @@ class NastranJoints:
             with_rotations = set("456") <= set(components)
             if set(components) & set("456") and not with_rotations:
                 message = f"the weight of rotations (components 456) of RBE3 {entry.text(0)}"
-                self.builder.tell_once(message)
+                self.builder.report_once(message)
             is_mean = set(components) - set("456 ") == set("123")
             entry.needs(is_mean, f"independent nodes of RBE3 move by 123; got {components!r}.")
             start = k = k + 2
             while k < len(words) and "." not in words[k] and words[k][:1].isdigit():
                 k += 1
                 k += k < len(words) and words[k].upper() == "THRU"
-            nodes = self._nodes(entry, words[start:k])
+            nodes = self._listed_rows(entry, words[start:k])
             rows += nodes
             weights += [weight] * len(nodes)
             turning += [with_rotations and bool(turns[n]) for n in nodes]
@@ -140,7 +152,7 @@ class NastranJoints:
         entry.needs(rows and sum(weights) > 0, "RBE3 names no nodes with weights.")
         entry.needs(reference not in rows, "a GRID of RBE3 cannot follow itself.")
         table = np.array(rows, dtype=np.int64)
-        leader = joints.leader(reference)
+        leader = joints.leader_point(reference)
         joints.mean(leader, motions, table, np.array(weights), entry.place, np.array(turning))
 
     def _mpc(self, entry: Entry) -> None:
@@ -150,25 +162,25 @@ class NastranJoints:
             for k in (start, start + 3):
                 if entry.text(k):
                     row = self.nastran.node_in(entry, k)
-                    motion = 0 if row in self.nastran.scalar else entry.whole(k + 1, 1) - 1
+                    motion = 0 if row in self.nastran.scalar_points else entry.integer(k + 1, 1) - 1
                     entry.needs(0 <= motion < 6, "MPC acts on components from 1 to 6.")
                     terms.append((row, motion, entry.real(k + 2)))
         entry.needs(terms and terms[0][2], "the first term of MPC needs a coefficient.")
-        self.builder.joints.equation(terms, entry.place)
+        self.builder.joints.add_equation(terms, entry.place)
 
-    def _scalars(self, kind: str) -> None:
+    def _add_scalars(self, element_kind: str) -> None:
         """Add springs, dampers or masses between two motions, or between one and the ground."""
-        name, quantity = SCALAR[kind]
+        name, quantity = SCALAR_PROPERTIES[element_kind]
         properties = self.nastran.properties(name)
         builder = self.builder
-        for entry in self.nastran.named(*(f"{kind}{k}" for k in (1, 2, 3, 4))):
+        for entry in self.nastran.entries_named(*(f"{element_kind}{k}" for k in (1, 2, 3, 4))):
             if entry.name[-1] in "24":
                 value = entry.real(1, None)
             else:
-                property_entry = entry.its_property(name, properties)
+                property_entry = entry.find_property(name, properties)
                 value = property_entry.real(1, None)
                 if name == "PELAS" and property_entry.real(2):
-                    builder.tell_once(f"GE of PELAS {property_entry.text(0)}")
+                    builder.report_once(f"GE of PELAS {property_entry.text(0)}")
             ends = self.nastran.scalar_ends(entry)
             terms: list[MotionTerm] = []
             for (row, motion), sign in zip(ends, (1.0, -1.0), strict=False):
@@ -177,17 +189,17 @@ class NastranJoints:
                 unit = builder.units.length if first and quantity == "mass" else 1.0
                 terms += axis_terms(row, axis, first, sign * unit)
             if quantity != "mass":
-                builder.link(entry.name, quantity, terms, value, entry.place)
+                builder.add_link(entry.name, quantity, terms, value, entry.place)
                 continue
             entry.needs(value >= 0, f"{entry.name} has a negative mass.")
             if value:
                 # three of them, one along each axis, are one mass
                 share = value / 3 if len(ends) == 1 and ends[0][1] < 3 else 0.0
-                builder.scalar_mass(terms, value * self.factor, share * self.factor)
+                builder.add_scalar_mass(terms, value * self.mass_factor, share * self.mass_factor)
 
-    def _bush(self, entry: Entry, prop: Entry) -> None:
+    def _add_bush(self, entry: Entry, prop: Entry) -> None:
         """Add springs and dampers at one place; those of CBUSH have rigid arms."""
-        constants = self._constants(entry.name, prop)
+        constants = self._bush_constants(entry.name, prop)
         on_line = entry.name == "CBUSH1D"  # between its nodes, without lever arms
         if on_line:  # the system is in another field
             fields = [*entry.fields[:4], "", "", "", entry.text(4)]
@@ -202,9 +214,9 @@ class NastranJoints:
         share = entry.real(8, 0.5) if is_bush else 0.5
         place = x[0] + share * (x[1] - x[0]) if distant else x[0]
 
-        if is_bush and entry.whole(9, -1) >= 0:
+        if is_bush and entry.integer(9, -1) >= 0:
             offset = np.array(entry.reals(10, 13))
-            place = self.nastran.systems(entry.whole(9), entry.place).point(offset)
+            place = self.nastran.systems(entry.integer(9), entry.place).point(offset)
         axes = self._bush_axes(entry, is_active, x if distant else x[:1], place)
         for k in np.flatnonzero(is_active):
             axis = axes[k % 3]
@@ -214,17 +226,17 @@ class NastranJoints:
                 arm = np.cross(place - end_point, axis) if not first else np.zeros(3)
                 distance = float(np.linalg.norm(place - end_point))
                 if not on_line and np.linalg.norm(arm) > ROUNDING_ARM * distance:
-                    row = self.builder.joints.leader(row)
+                    row = self.builder.joints.leader_point(row)
                     terms += axis_terms(row, arm, 3, sign)
                 terms += axis_terms(row, axis, first, sign)
             stiffness, damping = (values[k] for values in constants)
             for quantity, value in (("stiffness", stiffness), ("damping", damping)):
                 if value:
-                    self.builder.link(entry.name, quantity, terms, value, entry.place)
+                    self.builder.add_link(entry.name, quantity, terms, value, entry.place)
 
-    def _constants(self, name: str, prop: Entry) -> Constants:
+    def _bush_constants(self, name: str, prop: Entry) -> BushConstants:
         """(stiffnesses, dampings) of the six motions; ignored fields are reported."""
-        report = self.builder.tell_once
+        report = self.builder.report_once
         values = {"K": [0.0] * 6, "B": [0.0] * 6}
         if name == "CBUSH1D":
             values["K"][0] = prop.real(1)
@@ -250,7 +262,7 @@ class NastranJoints:
         `acts` (6,): motions with a spring; `x`: the ends (1 or 2, 3); `place` (3,): of the springs.
         """
         if entry.text(7):
-            return self.nastran.systems(entry.whole(7), entry.place).frame(place)
+            return self.nastran.systems(entry.integer(7), entry.place).frame(place)
         acts_transversely = any(acts[k] for k in (1, 2, 4, 5))
         oriented = any(entry.text(k) for k in (4, 5, 6))
         if len(x) == 1 and not oriented and not (entry.name == "CBUSH1D" and entry.text(3)):
@@ -261,7 +273,7 @@ class NastranJoints:
         line = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
         v = np.eye(3)[int(np.argmin(np.abs(line)))]
         if oriented:
-            v = orientation(self.nastran, entry, line)
+            v = plane_1_vector(self.nastran, entry, line)
         y = v - (v @ line) * line
         y /= np.linalg.norm(y)
         return np.stack([line, y, np.cross(line, y)])
@@ -269,11 +281,11 @@ class NastranJoints:
     def _conm2(self, entry: Entry) -> None:
         """CONM2: a rigid body whose centre of mass may be offset from its node."""
         row = self.nastran.node_in(entry, 1)
-        mass = entry.real(3) * self.factor
+        mass = entry.real(3) * self.mass_factor
         offset = np.array(entry.reals(4, 7))
-        J = symmetric(np.array(entry.reals(8, 14)) * self.factor)
+        J = symmetric(np.array(entry.reals(8, 14)) * self.mass_factor)
         J = 2 * np.diag(np.diag(J)) - J
-        number = entry.whole(2, 0)
+        number = entry.integer(2, 0)
 
         if number == -1:  # the place of the mass
             offset = offset - self.nastran.deck.points[row] if entry.words(4, 7) else np.zeros(3)
@@ -287,16 +299,20 @@ class NastranJoints:
 
         if is_simple and (self.builder.has_rotations[row] or not J.any()):
             if mass or J.any():
-                self.builder.mass(row, mass, np.diag(J).tolist(), entry.place)
+                self.builder.add_mass(row, mass, np.diag(J).tolist(), entry.place)
             return
-        arm_map = np.hstack([np.eye(3), lever(offset)])
+        arm_map = np.hstack([np.eye(3), lever_matrix(offset)])
         M = mass * arm_map.T @ arm_map
         M[3:, 3:] += J
-        self.builder.body(row, M, mass, entry.place)
+        self.builder.add_mass_matrix(row, M, mass, entry.place)
 
 
 #: Rigid elements, in the order in which they are read.
-RIGID = {"RBE2": NastranJoints._rbe2, "RBAR": NastranJoints._rbar, "RBE3": NastranJoints._rbe3}
+RIGID_READERS = {
+    "RBE2": NastranJoints._rbe2,
+    "RBAR": NastranJoints._rbar,
+    "RBE3": NastranJoints._rbe3,
+}
 
 
 def _motions(entry: Entry, text: str) -> tuple[int, ...]:
@@ -306,18 +322,20 @@ def _motions(entry: Entry, text: str) -> tuple[int, ...]:
     return tuple(motions)
 
 
-def model_of(deck: NastranDeck, units: UnitSystem, unstated: Unstated) -> Model:
+def model_of(deck: NastranDeck, units: UnitSystem, defaults: MaterialDefaults) -> Model:
     """The deck's model in SI units; its groups and fixed nodes are added to the deck."""
-    deck.account.refuse(CONTACT, deck.deck)
-    tell_damping(deck.account, deck.bulk.entries)
+    deck.account.refuse(CONTACT_ENTRIES, deck.deck)
+    report_damping(deck.account, deck.bulk.entries)
     weight_to_mass = deck.parameter("WTMASS")
     factor = weight_to_mass.real(1, None) if weight_to_mass else 1.0
 
-    ends = beams.own_ends(deck)
-    builder = ModelBuilder(deck.deck, units, unstated, lumped=bool(deck.named(*MASSES)))
+    ends = beams.separate_ends(deck)
+    builder = ModelBuilder(
+        deck.deck, units, defaults, lumped=bool(deck.entries_named(*MASS_ENTRIES))
+    )
     deck.set_groups()
     Properties(deck, builder, factor).read()
-    builder.find_nodes()
+    builder.mark_nodes()
     _supports(deck, builder)
 
     joints = NastranJoints(deck, builder, factor)
@@ -327,29 +345,29 @@ def model_of(deck: NastranDeck, units: UnitSystem, unstated: Unstated) -> Model:
 
     autospc = deck.parameter("AUTOSPC")
     if builder.truss and not (autospc and autospc.text(1).upper() == "NO"):
-        hold_without_stiffness(builder)
+        fix_unresisted(builder)
     deck.deck.skipped.clear()
     builder.ignored += deck.account.ignored()
-    return finished(builder)
+    return complete_model(builder)
 
 
 def _supports(deck: NastranDeck, builder: ModelBuilder) -> None:
     """Fix the motions of SPC, SPC1 and GRID, along the nodes' local axes."""
     for row in deck.systems_of:
-        builder.joints.frames[row] = deck.frame(row, deck.bulk.entries[0].place)
+        builder.joints.motion_axes[row] = deck.frame(row, deck.bulk.entries[0].place)
     grids = ((row, grid) for row, grid in enumerate(deck.grids) if grid.text(6))
     fixed = [(np.array([row]), grid.text(6), grid) for row, grid in grids]
     prescribed: list[DeckPlace] = []
     for number in sorted(deck.used_sets("SPC")):
-        for rows, components, entry in deck.constraints(number):
+        for rows, components, entry in deck.spc_constraints(number):
             entry.needs(len(rows), f"SPC1 {number} fixes a GRID that there is not.")
             fixed.append((rows, components, entry))
             if entry.name == "SPC" and (entry.real(3) or entry.real(6)):
                 prescribed.append(entry.place)
     for rows, components, entry in fixed:
-        scalar = np.isin(rows, list(deck.scalar))
+        scalar = np.isin(rows, list(deck.scalar_points))
         builder.fix(rows[scalar], [0])
         builder.fix(rows[~scalar], motions_of(components, entry.place))
-    builder.hold()
+    builder.apply_local_supports()
     if prescribed:
-        builder.ignored.append(f"the motion of SPC ({lines(prescribed)}), fixed instead")
+        builder.ignored.append(f"the motion of SPC ({lines_text(prescribed)}), fixed instead")

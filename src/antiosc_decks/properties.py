@@ -10,11 +10,11 @@ import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.io.conversion import Array, Deck, IntArray
-from antiosc_decks.entries import DeckPlace, Placed
+from antiosc_decks.entries import DeckItem, DeckPlace
 
 
 @dataclass
-class Material(Placed):
+class Material(DeckItem):
     """Linear elasticity and density in the deck's units."""
 
     name: str
@@ -24,10 +24,10 @@ class Material(Placed):
     #: stiffness (6, 6) in the order 11, 22, 33, 23, 13, 12, if `constants` do not suffice
     stiffness: Array | None = None
     #: plane-stress stiffness (3, 3) in the order 11, 22, 12, of a material for shells alone
-    plane: Array | None = None
+    plane_stiffness: Array | None = None
     density: float | None = None
     #: E and G for beams and rods, if they differ from `constants`
-    of_lines: tuple[float, float] | None = None
+    line_moduli: tuple[float, float] | None = None
 
     def set_isotropic(self, E: float, nu: float) -> None:
         """Set the constants of an isotropic material."""
@@ -43,7 +43,7 @@ class Material(Placed):
     @property
     def modulus(self) -> float:
         """The largest modulus or stiffness."""
-        stiffnesses = (self.constants, self.stiffness, self.plane)
+        stiffnesses = (self.constants, self.stiffness, self.plane_stiffness)
         return max(float(np.nanmax(numbers)) for numbers in stiffnesses if numbers is not None)
 
     @property
@@ -84,10 +84,10 @@ def symmetric(values: Sequence[float] | Array, triangle: Triangle = np.tril_indi
 
 
 #: Timoshenko's shear coefficients, as in `antiosc.Section`.
-RECTANGLE = 5 / 6
-CIRCLE = 0.9
-TUBE = 0.5
-THIN = 0.5
+RECTANGLE_SHEAR = 5 / 6
+CIRCLE_SHEAR = 0.9
+TUBE_SHEAR = 0.5
+THIN_WALL_SHEAR = 0.5
 
 
 @dataclass(frozen=True)
@@ -100,36 +100,49 @@ class Profile:
     I_side: float
     J: float
     #: shear coefficient along the height
-    shear: float
+    shear_coefficient: float
     #: outer dimensions along the height and across it, of which offsets are shares
     height: float = 0.0
     width: float = 0.0
     #: product of inertia, of a section that is symmetric about neither axis
-    mixed: float = 0.0
+    product_moment: float = 0.0
     #: shear coefficient across the height; None: as along it
-    shear_side: float | None = None
+    side_shear_coefficient: float | None = None
 
     @property
-    def shears(self) -> tuple[float, float]:
+    def shear_coefficients(self) -> tuple[float, float]:
         """The shear coefficients along the height and across it."""
-        return self.shear, self.shear if self.shear_side is None else self.shear_side
+        along, across = self.shear_coefficient, self.side_shear_coefficient
+        return along, along if across is None else across
 
     def sheared(self, along: float, across: float) -> Profile:
         """This cross-section with other shear coefficients along the height and across it."""
         side = None if math.isclose(across, along) else across
-        return replace(self, shear=along, shear_side=side)
+        return replace(self, shear_coefficient=along, side_shear_coefficient=side)
 
     def section(self, length: float) -> dict[str, float]:
         """Arguments of an `antiosc.Section`; `length` is the deck's unit in m."""
         second = {name: getattr(self, name) * length**4 for name in ("I", "I_side", "J")}
-        side = {} if self.shear_side is None else {"shear_side": self.shear_side}
-        return {"A": self.A * length**2, **second, "shear": self.shear, **side}
+        side = (
+            {}
+            if self.side_shear_coefficient is None
+            else {"shear_side": self.side_shear_coefficient}
+        )
+        return {"A": self.A * length**2, **second, "shear": self.shear_coefficient, **side}
 
     def rotated(self) -> Profile:
         """This cross-section rotated by 90°."""
         sides = self.width, self.height
-        turned = Profile(self.A, self.I_side, self.I, self.J, self.shear, *sides, -self.mixed)
-        return turned.sheared(*reversed(self.shears))
+        turned = Profile(
+            self.A,
+            self.I_side,
+            self.I,
+            self.J,
+            self.shear_coefficient,
+            *sides,
+            -self.product_moment,
+        )
+        return turned.sheared(*reversed(self.shear_coefficients))
 
 
 def rectangle(height: float, width: float) -> Profile:
@@ -140,7 +153,7 @@ def rectangle(height: float, width: float) -> Profile:
     series = float(np.sum(np.tanh(n * np.pi * a / (2 * b)) / n**5))
     torsion = a * b**3 / 3 * (1 - 192 / np.pi**5 * b / a * series)
     second = width * height**3 / 12, height * width**3 / 12
-    return Profile(height * width, *second, torsion, RECTANGLE, height, width)
+    return Profile(height * width, *second, torsion, RECTANGLE_SHEAR, height, width)
 
 
 def ellipse(height: float, width: float) -> Profile:
@@ -148,7 +161,7 @@ def ellipse(height: float, width: float) -> Profile:
     area = math.pi * height * width / 4
     torsion = math.pi * height**3 * width**3 / (16 * (height**2 + width**2))
     second = area * height**2 / 16, area * width**2 / 16
-    return Profile(area, *second, torsion, CIRCLE, height, width)
+    return Profile(area, *second, torsion, CIRCLE_SHEAR, height, width)
 
 
 def tube(radius: float, wall: float) -> Profile:
@@ -156,23 +169,25 @@ def tube(radius: float, wall: float) -> Profile:
     inner = max(radius - wall, 0.0)
     second = math.pi * (radius**4 - inner**4) / 4
     area = math.pi * (radius**2 - inner**2)
-    return Profile(area, second, second, 2 * second, TUBE, 2 * radius, 2 * radius)
+    return Profile(area, second, second, 2 * second, TUBE_SHEAR, 2 * radius, 2 * radius)
 
 
-def box(height: float, width: float, right: float, top: float) -> Profile:
-    """A rectangular tube; `right` and `top` are its wall thicknesses; torsion by Bredt."""
-    h = height - 2 * right
-    w = width - 2 * top
+def box(height: float, width: float, side_thickness: float, top_thickness: float) -> Profile:
+    """A rectangular tube by its outer sides and the thicknesses of its walls; torsion by Bredt."""
+    h = height - 2 * side_thickness
+    w = width - 2 * top_thickness
     second = (width * height**3 - w * h**3) / 12, (height * width**3 - h * w**3) / 12
-    torsion = box_torsion(height, width, top, top, right, right)
-    return Profile(height * width - h * w, *second, torsion, THIN, height, width)
+    torsion = box_torsion(
+        height, width, top_thickness, top_thickness, side_thickness, side_thickness
+    )
+    return Profile(height * width - h * w, *second, torsion, THIN_WALL_SHEAR, height, width)
 
 
 #: A rectangle: its start and end along the height, its start and end across it.
 Wall = tuple[float, float, float, float]
 
 
-def walled(walls: Sequence[Wall], torsion: float | None = None) -> Profile:
+def profile_of_walls(walls: Sequence[Wall], torsion: float | None = None) -> Profile:
     """A section of touching rectangles; torsion of thin open walls, Σ l t³/3, unless given.
 
     Raises ValueError if a wall has no width.
@@ -189,7 +204,7 @@ def walled(walls: Sequence[Wall], torsion: float | None = None) -> Profile:
     height = float(high.max() - low.min())
     width = float(right.max() - left.min())
     mixed = float(A @ (y * z))
-    return Profile(float(A.sum()), first, second, torsion, THIN, height, width, mixed)
+    return Profile(float(A.sum()), first, second, torsion, THIN_WALL_SHEAR, height, width, mixed)
 
 
 def centroid(walls: Sequence[Wall]) -> Array:
@@ -219,7 +234,7 @@ def hexagon(height: float, width: float, tip: float) -> Profile:
     arm = flat / 2 + tip / 3
     moment = height * flat**3 / 12 + 2 * (height * tip**3 / 36 + height * tip / 2 * arm**2)
     polar = upright + moment
-    return Profile(area, upright, moment, area**4 / (40 * polar), RECTANGLE, height, width)
+    return Profile(area, upright, moment, area**4 / (40 * polar), RECTANGLE_SHEAR, height, width)
 
 
 #: "places" [m] and the "directions" at these, both (n, 3).
@@ -233,7 +248,7 @@ def corners_of(deck: Deck, elements: IntArray) -> list[Array]:
     return [x for block, _ in deck.blocks_of(elements) for x in deck.points[block.corners]]
 
 
-def unit(v: Array) -> Array:
+def unit_rows(v: Array) -> Array:
     """Rows scaled to length 1; zero rows stay zero."""
     length = np.linalg.norm(v, axis=1, keepdims=True)
     return np.asarray(v / np.where(length > 0, length, 1.0))
@@ -241,11 +256,11 @@ def unit(v: Array) -> Array:
 
 def axes_of(first: Array, second: Array) -> Array:
     """Unit vectors as rows: along `first`, towards `second` (0: parallel), normal to both."""
-    x, z = unit(np.stack([first, np.cross(first, second)]))
+    x, z = unit_rows(np.stack([first, np.cross(first, second)]))
     return np.stack([x, np.cross(z, x), z])
 
 
-def rotated(v: Array, axis: Array, degrees: float) -> Array:
+def rotated_about(v: Array, axis: Array, degrees: float) -> Array:
     """Vectors perpendicular to the unit vectors `axis`, rotated about these."""
     angle = math.radians(degrees)
     return np.asarray(math.cos(angle) * v + math.sin(angle) * np.cross(axis, v))
@@ -253,7 +268,7 @@ def rotated(v: Array, axis: Array, degrees: float) -> Array:
 
 def tangents_of(deck: Deck, elements: IntArray) -> Array:
     """Unit vectors (n, 3) along lines from their first to their last node."""
-    return unit(np.array([x[1] - x[0] for x in corners_of(deck, elements)]).reshape(-1, 3))
+    return unit_rows(np.array([x[1] - x[0] for x in corners_of(deck, elements)]).reshape(-1, 3))
 
 
 def normals_of(deck: Deck, elements: IntArray) -> Array:
@@ -262,21 +277,23 @@ def normals_of(deck: Deck, elements: IntArray) -> Array:
     for block, positions in deck.blocks_of(elements):
         x = deck.points[block.corners]
         normals[positions] = np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
-    return unit(normals)
+    return unit_rows(normals)
 
 
-def common_direction(vectors: Array, least: float = 0.3) -> Array | None:
-    """The mean unit vector if its cosine with each vector is at least `least`, else None."""
-    (mean,) = unit(vectors.mean(axis=0)[None])
-    return mean if (vectors @ mean).min() >= least else None
+def common_direction(vectors: Array, least_cosine: float = 0.3) -> Array | None:
+    """The mean unit vector if its cosine with each vector is at least `least_cosine`, else None."""
+    (mean,) = unit_rows(vectors.mean(axis=0)[None])
+    return mean if (vectors @ mean).min() >= least_cosine else None
 
 
-def curved(deck: Deck, elements: IntArray) -> bool:
+def is_curved(deck: Deck, elements: IntArray) -> bool:
     """Whether the normals of the shells differ."""
-    return common_direction(normals_of(deck, elements), least=1 - 1e-6) is None
+    return common_direction(normals_of(deck, elements), least_cosine=1 - 1e-6) is None
 
 
-def at_centres(deck: Deck, elements: IntArray, vectors: Array, length: float) -> DirectionField:
+def directions_at_centres(
+    deck: Deck, elements: IntArray, vectors: Array, length: float
+) -> DirectionField:
     """Each element's vector at its centre [m], and at the centres of a quadrilateral's triangles.
 
     `vectors` (n, 3); `length`: metres per unit of the deck.
@@ -291,11 +308,11 @@ def at_centres(deck: Deck, elements: IntArray, vectors: Array, length: float) ->
     return {"places": places, "directions": directions}
 
 
-def top_of(deck: Deck, elements: IntArray, length: float) -> DirectionField | list[float]:
+def top_directions(deck: Deck, elements: IntArray, length: float) -> DirectionField | list[float]:
     """The normals of shells: one direction if they are similar, else one for each element."""
     normals = normals_of(deck, elements)
     top = common_direction(normals)
-    return at_centres(deck, elements, normals, length) if top is None else top.tolist()
+    return directions_at_centres(deck, elements, normals, length) if top is None else top.tolist()
 
 
 def fixed_along_axes(fixed: BoolArray, frame: Array) -> BoolArray | None:

@@ -11,15 +11,15 @@ from antiosc.io.conversion import counts_text
 from antiosc.io.isolation import FileReader, Request
 from antiosc.io.neutral import FileMesh, Model, UnitSystem
 from antiosc_decks import abaqus_assembly, abaqus_model, nastran_mesh, nastran_model
-from antiosc_decks.builder import Unstated
-from antiosc_decks.cells import as_mesh
-from antiosc_decks.sources import BULK as _BULK, Sources
+from antiosc_decks.builder import MaterialDefaults
+from antiosc_decks.cells import mesh_of_deck
+from antiosc_decks.sources import BULK_DATA_START as _BULK, Sources
 
 F = TypeVar("F", abaqus_assembly.AbaqusDeck, nastran_mesh.NastranDeck)
 
 
 def _reader(
-    read: Callable[[Sources], F], model_of: Callable[[F, UnitSystem, Unstated], Model]
+    read: Callable[[Sources], F], model_of: Callable[[F, UnitSystem, MaterialDefaults], Model]
 ) -> Callable[[Request], FileMesh]:
     """A file reader from the functions that read a dialect's mesh and its model."""
 
@@ -35,7 +35,7 @@ def _reader(
             deck.piece = options.get("piece")
             deck.without_supports = options.get("free", False)
             deck.without_contact = deck.piece is not None or options.get("contact") == "apart"
-            unstated = Unstated(*options["unstated"])
+            unstated = MaterialDefaults(*options["unstated"])
             deck.model = model_of(deck_and_model, UnitSystem(*ask.unit), unstated)
 
         if not deck.n_elements:
@@ -43,13 +43,13 @@ def _reader(
             none = f"{deck.name} has no elements of solids, shells, beams or rods{beside}"
             raise MeshError(f"{none}; read the deck that holds the part itself.")
 
-        return as_mesh(deck)
+        return mesh_of_deck(deck)
 
     return reader
 
 
-ABAQUS = FileReader(_reader(abaqus_assembly.read, abaqus_model.model_of), model=True)
-NASTRAN = FileReader(_reader(nastran_mesh.read, nastran_model.model_of), model=True)
+ABAQUS = FileReader(_reader(abaqus_assembly.read_deck, abaqus_model.model_of), model=True)
+NASTRAN = FileReader(_reader(nastran_mesh.read_deck, nastran_model.model_of), model=True)
 #: Files of Nastran with endings that other programs use too.
 BULK = NASTRAN._replace(
     matches=lambda start: _BULK.search(start.decode("latin-1")) is not None,

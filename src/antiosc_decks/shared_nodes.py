@@ -30,7 +30,7 @@ from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 from antiosc.io.neutral import MotionTerm
 
 #: Columns and values of a row of a matrix.
-Row = tuple[IntArray, Array]
+MatrixRow = tuple[IntArray, Array]
 
 
 class NumberedMesh:
@@ -62,7 +62,7 @@ class NumberedMesh:
         return np.asarray(self.cell_map.points)
 
     @cached_property
-    def at_cell(self) -> dict[int, tuple[int, int]]:
+    def cell_of_node(self) -> dict[int, tuple[int, int]]:
         """Number of a node -> (a cell, index of the node in that cell)."""
         _, first = np.unique(self.numbers, return_index=True)
         flat = self.numbers.ravel()
@@ -72,11 +72,13 @@ class NumberedMesh:
     def position(self, number: int) -> Array:
         """Coordinates (3,) of a node in the part's axes [m]."""
         x = self.member.part.mesh.dolfinx.geometry.x
-        return np.asarray(x[self._rows[self.at_cell[number]]])
+        return np.asarray(x[self._rows[self.cell_of_node[number]]])
 
-    def motions(self, layout: Layout, numbers: Sequence[int], names: tuple[str, ...]) -> Sparse:
+    def motion_matrix(
+        self, layout: Layout, numbers: Sequence[int], names: tuple[str, ...]
+    ) -> Sparse:
         """Displacements or rotations (3 nodes, n) of nodes in the assembly's axes, by n dofs."""
-        cells, local = np.array([self.at_cell[number] for number in numbers]).T
+        cells, local = np.array([self.cell_of_node[number] for number in numbers]).T
         return layout.at_points(self.member, cells, self.reference_points[local], names)
 
     @cached_property
@@ -86,7 +88,7 @@ class NumberedMesh:
         return {(int(a), int(b)) for a, b in np.unique(np.sort(pairs, axis=1), axis=0)}
 
     @cached_property
-    def around(self) -> dict[int, set[int]]:
+    def cells_around(self) -> dict[int, set[int]]:
         """Number of a vertex -> cells around it."""
         neighbours: dict[int, set[int]] = {}
         for cell, row in enumerate(self.vertices):
@@ -98,10 +100,12 @@ class NumberedMesh:
         """A cell with all these vertices, or None; two vertices of a line must be an edge of it."""
         if len(numbers) == 2 and follower_dim == 1 and tuple(sorted(numbers)) not in self.edges:
             return None
-        return min(set.intersection(*(self.around.get(n, set()) for n in numbers)), default=None)
+        return min(
+            set.intersection(*(self.cells_around.get(n, set()) for n in numbers)), default=None
+        )
 
 
-class Nodes:
+class AssemblyNodes:
     """The numbered nodes of an assembly: the part, the cell and the place in it of each."""
 
     def __init__(
@@ -110,15 +114,15 @@ class Nodes:
         self.layout = layout
         self.points = points
         self.meshes = [NumberedMesh(m, numbers[m.name]) for m in layout.members.values()]
-        self._single: dict[tuple[int, int], Row] = {}
+        self._single: dict[tuple[int, int], MatrixRow] = {}
         #: which dofs are zero
         self.fixed = np.zeros(layout.count, dtype=bool)
 
     def _owner(self, number: int, rotations: bool) -> tuple[int, int, int]:
         """(part, cell, index in the cell) of a node, of a part that rotates if needed."""
         for index, mesh in enumerate(self.meshes):
-            if number in mesh.at_cell and (mesh.member.has_rotations or not rotations):
-                return index, *mesh.at_cell[number]
+            if number in mesh.cell_of_node and (mesh.member.has_rotations or not rotations):
+                return index, *mesh.cell_of_node[number]
         noun = "rotation of the node" if rotations else "node"
         raise InputError(f"a constraint acts on the {noun} {number}, which no part has.")
 
@@ -153,29 +157,29 @@ class Nodes:
             result = result + selection @ motions
         return result.tocsr()
 
-    def dof(self, term: MotionTerm) -> int:
+    def dof_of(self, term: MotionTerm) -> int:
         """The dof that equals a node's motion; -1 if the motion depends on several dofs."""
-        columns, _ = self.single(term[0], term[1])
+        columns, _ = self.motion_row(term[0], term[1])
         return int(columns[0]) if len(columns) == 1 else -1
 
     def is_fixed(self, number: int, motion: int) -> bool:
         """Whether a node's motion is zero."""
-        return bool(self.fixed[self.single(number, motion)[0]].all())
+        return bool(self.fixed[self.motion_row(number, motion)[0]].all())
 
-    def single(self, number: int, motion: int) -> Row:
+    def motion_row(self, number: int, motion: int) -> MatrixRow:
         """The row (dofs, coefficients) that gives one motion (0 to 5) of one node."""
         if (number, motion) not in self._single:
-            self.prepare([(number, motion)])
+            self.prepare_rows([(number, motion)])
         return self._single[number, motion]
 
-    def prepare(self, wanted: Iterable[tuple[int, int]]) -> None:
+    def prepare_rows(self, wanted: Iterable[tuple[int, int]]) -> None:
         """Compute and store the rows of several motions together, which is faster than singly."""
         new = [motion for motion in dict.fromkeys(wanted) if motion not in self._single]
         functionals = self.functionals([[(*motion, 1.0)] for motion in new])
         self._single.update((motion, row_of(functionals, k)) for k, motion in enumerate(new))
 
 
-def row_of(matrix: Sparse, k: int) -> Row:
+def row_of(matrix: Sparse, k: int) -> MatrixRow:
     """Columns and values of row `k` of a matrix."""
     span = slice(matrix.indptr[k], matrix.indptr[k + 1])
     return matrix.indices[span], matrix.data[span]
@@ -183,13 +187,13 @@ def row_of(matrix: Sparse, k: int) -> Row:
 
 #: Largest distance of a node from the place to which it is tied, as a share of the tied nodes'
 #: size.
-TIED_NEAR = 1e-3
-LEAST_WEIGHT = 1e-9  # smaller shares are rounding of the shape functions
+TIE_DISTANCE = 1e-3
+MIN_WEIGHT = 1e-9  # smaller shares are rounding of the shape functions
 
 #: Node that was added to the deck's -> [(node of the deck, weight)], whose weighted mean it is.
-Among = Mapping[int, Sequence[tuple[int, float]]]
+AddedNodes = Mapping[int, Sequence[tuple[int, float]]]
 #: A dof between nodes, the nodes that determine it, and their weights.
-Dof = tuple[int, list[int], Array]
+InterpolatedDof = tuple[int, list[int], Array]
 
 
 class DofsBetween:
@@ -204,10 +208,10 @@ class DofsBetween:
 
     def __init__(
         self,
-        nodes: Nodes,
+        nodes: AssemblyNodes,
         equations: Sequence[Sequence[MotionTerm]],
         functionals: Sparse,
-        among: Among,
+        among: AddedNodes,
     ) -> None:
         self.nodes = nodes
         self.equations = equations
@@ -237,26 +241,26 @@ class DofsBetween:
 
     def matrix(self) -> Sparse:
         """The constraints, one in each row."""
-        found: list[Row] = []
+        found: list[MatrixRow] = []
         for mesh in self.nodes.meshes:
             for motion in self.dependent:
                 found += self._followers(mesh, motion)
             for first in self.sliding:
-                found += self._sliders(mesh, first)
+                found += self._slider_rows(mesh, first)
 
         if not found:
             return self.nodes.layout.zeros(0)
         rows = np.repeat(np.arange(len(found)), [len(columns) for columns, _ in found])
-        result = self.nodes.layout.matrix(rows, *_sum(found), len(found))
+        result = self.nodes.layout.matrix(rows, *_sum_of_rows(found), len(found))
         result.eliminate_zeros()
         return result
 
     def _dofs(
         self, mesh: NumberedMesh, motion: int, selected: Mapping[int, object]
-    ) -> Iterator[Dof]:
+    ) -> Iterator[InterpolatedDof]:
         """Yield the dofs of one motion between nodes of the deck, some of them `selected`."""
         member = mesh.member
-        path = member.part.form.components.get(_names(motion)[motion % 3])
+        path = member.part.form.components.get(_component_names(motion)[motion % 3])
         near = [
             n for n, shares in self.among.items() if any(node in selected for node, _ in shares)
         ]
@@ -273,13 +277,13 @@ class DofsBetween:
         first = np.unique(dofs, return_index=True)[1]
         for position, d in (divmod(k, dofs.shape[1]) for k in np.sort(first).tolist()):
             members = nonzero[d]
-            shares = self._of_the_deck(
+            shares = self._deck_weights(
                 mesh.numbers[touching[position], members], weights[d, members]
             )
             if len(shares) > 1 and any(n in selected for n in shares):
                 yield int(dofs[position, d]), list(shares), np.array(list(shares.values()))
 
-    def _of_the_deck(self, numbers: IntArray, weights: Array) -> dict[int, float]:
+    def _deck_weights(self, numbers: IntArray, weights: Array) -> dict[int, float]:
         """Node of the deck -> weight; an added node counts as the deck's nodes that place it."""
         result: dict[int, float] = {}
         for number, weight in zip(numbers.tolist(), weights.tolist(), strict=True):
@@ -287,63 +291,70 @@ class DofsBetween:
                 result[node] = result.get(node, 0.0) + weight * share
         return result
 
-    def _followers(self, mesh: NumberedMesh, motion: int) -> Iterator[Row]:
+    def _followers(self, mesh: NumberedMesh, motion: int) -> Iterator[MatrixRow]:
         """Yield a constraint for each dof that is a weighted sum of constrained nodes."""
         nodes = self.nodes
         rows = self.dependent[motion]
         beam = mesh.member.part.mesh.tdim == 1
         dofs = list(self._dofs(mesh, motion, rows))
-        nodes.prepare((n, motion) for _, numbers, _ in dofs for n in numbers)
+        nodes.prepare_rows((n, motion) for _, numbers, _ in dofs for n in numbers)
         dofs = [
             dof
             for dof in dofs
-            if (not beam or self._in_one_body(dof[1])) and self._determined(dof[1], motion)
+            if (not beam or self._in_one_body(dof[1])) and self._is_determined(dof[1], motion)
         ]
-        tied = {} if beam else self._tied(dofs, motion)
+        tied = {} if beam else self._tied_rows(dofs, motion)
 
         for column, numbers, weights in dofs:
             terms = [(np.array([column]), np.ones(1))]
             if column in tied:
                 columns, values = tied[column]
-                yield _sum([*terms, (columns, -values)])
+                yield _sum_of_rows([*terms, (columns, -values)])
                 continue
             for node, weight in zip(numbers, weights, strict=True):
-                columns, values = nodes.single(node, motion)
+                columns, values = nodes.motion_row(node, motion)
                 terms.append((columns, -weight * values))
                 if node in rows:  # by its constraint without its own term
                     columns, values = row_of(self.functionals, rows[node])
                     terms.append((columns, weight * values / self.equations[rows[node]][0][2]))
-            yield _sum(terms)
+            yield _sum_of_rows(terms)
 
-    def _tied(self, dofs: Sequence[Dof], motion: int) -> dict[int, Row]:
+    def _tied_rows(self, dofs: Sequence[InterpolatedDof], motion: int) -> dict[int, MatrixRow]:
         """Dof -> row of the motion at its place in the one cell to which all its nodes are tied."""
         by_mesh: dict[int, list[tuple[int, int, Array]]] = {}
         for dof in dofs:
-            for k, cell, X in self._places(dof, motion):
+            for k, cell, X in self._places_in_tied_cell(dof, motion):
                 by_mesh.setdefault(k, []).append((dof[0], cell, X))
-        result: dict[int, Row] = {}
+        result: dict[int, MatrixRow] = {}
         for k, places in by_mesh.items():
             columns, cells, points = zip(*places, strict=True)
             motions = self.nodes.layout.at_points(
-                self.nodes.meshes[k].member, np.array(cells), np.array(points), _names(motion)
+                self.nodes.meshes[k].member,
+                np.array(cells),
+                np.array(points),
+                _component_names(motion),
             )[motion % 3 :: 3]
             result |= {column: row_of(motions, i) for i, column in enumerate(columns)}
         return result
 
-    def _places(self, dof: Dof, motion: int) -> list[tuple[int, int, Array]]:
+    def _places_in_tied_cell(
+        self, dof: InterpolatedDof, motion: int
+    ) -> list[tuple[int, int, Array]]:
         """[(part, cell, reference point)] of a dof in the one cell of its tied nodes; else []."""
         _, numbers, weights = dof
         rows = self.dependent[motion]
         if not all(number in rows for number in numbers):
             return []
         positions = np.array([self._position(number) for number in numbers])
-        reach = TIED_NEAR * float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max())
+        reach = TIE_DISTANCE * float(
+            np.linalg.norm(positions - positions.mean(axis=0), axis=1).max()
+        )
         total: dict[int, float] = {}
         for number, weight, x in zip(numbers, weights, positions, strict=True):
             first, *others = self.equations[rows[number]]
-            shares = {n: -c / first[2] for n, _, c in others if abs(c) > LEAST_WEIGHT}
+            shares = {n: -c / first[2] for n, _, c in others if abs(c) > MIN_WEIGHT}
             alike = all(m == motion and n >= 0 for n, m, _ in others if n in shares)
-            if not alike or not shares or abs(sum(shares.values()) - 1) > TIED_NEAR:
+            if not alike or not shares or abs(sum(shares.values()) - 1) > TIE_DISTANCE:
                 return []
             place = sum(share * self._position(n) for n, share in shares.items())
             if not float(np.linalg.norm(place - x)) <= reach:
@@ -353,14 +364,14 @@ class DofsBetween:
 
         for k, cell in sorted(set.intersection(*(self.cells.get(n, set()) for n in total))):
             mesh = self.nodes.meshes[k]
-            if _names(motion)[motion % 3] in mesh.member.part.form.components:
+            if _component_names(motion)[motion % 3] in mesh.member.part.form.components:
                 local = [mesh.numbers[cell].tolist().index(n) for n in total]
                 return [(k, cell, np.array([*total.values()]) @ mesh.reference_points[local])]
         return []
 
     def _position(self, number: int) -> Array:
         """Coordinates (3,) of a node of the deck [m]; nan if no part has it."""
-        owners = [mesh for mesh in self.nodes.meshes if number in mesh.at_cell]
+        owners = [mesh for mesh in self.nodes.meshes if number in mesh.cell_of_node]
         return owners[-1].position(number) if owners else np.full(3, np.nan)
 
     def _in_one_body(self, numbers: Sequence[int]) -> bool:
@@ -374,7 +385,7 @@ class DofsBetween:
         alike = all(follower == followers[0] for follower in followers)
         return alike and len(leaders) == 1 and set(numbers) - followers[0] <= leaders
 
-    def _determined(self, numbers: Sequence[int], motion: int) -> bool:
+    def _is_determined(self, numbers: Sequence[int], motion: int) -> bool:
         """Whether constraints or supports determine a motion of all these nodes.
 
         They do if every independent node is fixed, or if each dependent node follows all
@@ -390,35 +401,35 @@ class DofsBetween:
             return True
         return all(self.nodes.is_fixed(n, motion) for n in independent)
 
-    def _sliders(self, mesh: NumberedMesh, first: int) -> Iterator[Row]:
+    def _slider_rows(self, mesh: NumberedMesh, first_motion: int) -> Iterator[MatrixRow]:
         """Yield constraints for dofs between nodes that are fixed or slide across a direction.
 
-        Displacements if `first` is 0, rotations if it is 3.
+        Displacements if `first_motion` is 0, rotations if it is 3.
         """
         nodes = self.nodes
-        directions = self.sliding[first]
+        directions = self.sliding[first_motion]
         axes = range(2 if nodes.layout.plane else 3)
-        by_motion = [list(self._dofs(mesh, first + c, directions)) for c in axes]
+        by_motion = [list(self._dofs(mesh, first_motion + c, directions)) for c in axes]
         near = {n for _, numbers, _ in by_motion[0] for n in numbers}
-        nodes.prepare((n, first + c) for n in near - directions.keys() for c in axes)
+        nodes.prepare_rows((n, first_motion + c) for n in near - directions.keys() for c in axes)
         for dofs in zip(*by_motion, strict=True):
             columns = np.array([column for column, _, _ in dofs])
             _, numbers, weights = dofs[0]
             sliding = [n for n in numbers if n in directions]
             fixed = [n for n in numbers if n not in directions]
-            if not all(nodes.is_fixed(n, first + c) for n in fixed for c in axes):
+            if not all(nodes.is_fixed(n, first_motion + c) for n in fixed for c in axes):
                 continue
             shares = [w for n, w in zip(numbers, weights, strict=True) if n in directions]
             for i in range(min(len(directions[n]) for n in sliding)):
                 yield columns, (np.array(shares) @ [directions[n][i] for n in sliding])[axes]
 
 
-def _names(motion: int) -> tuple[str, ...]:
+def _component_names(motion: int) -> tuple[str, ...]:
     """The components of a displacement, or of a rotation, to which a motion (0 to 5) belongs."""
     return ROTATIONS if motion >= 3 else DISPLACEMENTS
 
 
-def _sum(terms: Sequence[Row]) -> Row:
+def _sum_of_rows(terms: Sequence[MatrixRow]) -> MatrixRow:
     """The sum of rows."""
     columns, values = (np.concatenate(pieces) for pieces in zip(*terms, strict=True))
     return columns, values
@@ -441,11 +452,11 @@ class SharedNodes(Joint):
         return [
             rows
             for k, follower in enumerate(meshes)
-            for rows in _following(layout, follower, meshes[:k])
+            for rows in _follower_constraints(layout, follower, meshes[:k])
         ]
 
 
-def _following(
+def _follower_constraints(
     layout: Layout, follower: NumberedMesh, leaders: Sequence[NumberedMesh]
 ) -> list[Rows]:
     """Constraints by which a part follows earlier parts at shared nodes."""
@@ -454,14 +465,16 @@ def _following(
         followed: set[int] = set()
         for leader in leaders:
             own, others = (m.member.part.form.components.keys() for m in (follower, leader))
-            if own & others & set(names) and (places := _shared(follower, leader, followed)):
+            if own & others & set(names) and (places := _shared_nodes(follower, leader, followed)):
                 followed |= set(places)
-                tied = _tied(layout, follower.member, leader.member, places, names)
+                tied = _tied_nodes(layout, follower.member, leader.member, places, names)
                 constraints.append(tied)
     return constraints
 
 
-def _shared(follower: NumberedMesh, leader: NumberedMesh, followed: set[int]) -> dict[int, int]:
+def _shared_nodes(
+    follower: NumberedMesh, leader: NumberedMesh, followed: set[int]
+) -> dict[int, int]:
     """Node of the follower -> cell of the leader that contains it; without nodes in `followed`."""
     member = follower.member
     space = member.part.form.space
@@ -490,7 +503,7 @@ def _shared(follower: NumberedMesh, leader: NumberedMesh, followed: set[int]) ->
     return where
 
 
-def _tied(
+def _tied_nodes(
     layout: Layout,
     follower: Member,
     leader: Member,
@@ -531,22 +544,22 @@ class NodeConstraints(Joint):
 
     def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
         """Rows of the constraints, of the dofs between their nodes, and of middle nodes."""
-        nodes = Nodes(layout, self.points, self.numbers)
+        nodes = AssemblyNodes(layout, self.points, self.numbers)
         equations = nodes.functionals(self.equations)
-        nodes.prepare((number, motion) for (number, motion, _), *_ in self.equations)
-        dependent = np.array([nodes.dof(terms[0]) for terms in self.equations], dtype=int)
+        nodes.prepare_rows((number, motion) for (number, motion, _), *_ in self.equations)
+        dependent = np.array([nodes.dof_of(terms[0]) for terms in self.equations], dtype=int)
         rows = [Rows(equations, dependent, label)] if equations.shape[0] else []
         nodes.fixed = held.fixed.copy()
         for row in held.rows:
             is_single = np.diff(row.matrix.indptr) == 1
             nodes.fixed[row.matrix[is_single].indices] = True
         inner = DofsBetween(nodes, self.equations, equations, self.among).matrix()
-        found = (inner, _on_middles(nodes))
+        found = (inner, _middle_node_constraints(nodes))
         return rows + [Rows.free(matrix, label) for matrix in found if matrix.shape[0]]
 
     def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
         """The springs, dampers and masses as terms of K, C and M."""
-        nodes = Nodes(layout, self.points, self.numbers)
+        nodes = AssemblyNodes(layout, self.points, self.numbers)
         contributions: list[ElasticTerm] = []
         none = np.zeros((1, 1))
         links = [terms for terms, _ in (*self.springs, *self.dampers)]
@@ -568,7 +581,7 @@ class NodeConstraints(Joint):
         return contributions
 
 
-def _on_middles(nodes: Nodes) -> Sparse:
+def _middle_node_constraints(nodes: AssemblyNodes) -> Sparse:
     """Constraints by which a vertex of one part follows the part of which it is a middle node."""
     layout = nodes.layout
     rows = [layout.zeros(0)]
@@ -578,7 +591,8 @@ def _on_middles(nodes: Nodes) -> Sparse:
         rotate = mesh.member.has_rotations and other.member.has_rotations
         for names in (DISPLACEMENTS, ROTATIONS)[: 1 + rotate] if numbers else ():
             rows.append(
-                mesh.motions(layout, numbers, names) - other.motions(layout, numbers, names)
+                mesh.motion_matrix(layout, numbers, names)
+                - other.motion_matrix(layout, numbers, names)
             )
     result = scipy.sparse.vstack(rows).tocsr()
     result.eliminate_zeros()

@@ -18,18 +18,20 @@ from antiosc.io.conversion import Deck
 from antiosc_decks.entries import DeckPlace
 
 #: Pattern of the first lines of Nastran's bulk data.
-BULK = re.compile(r"(?im)^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b|PSHELL[*, ]|INCLUDE\s+['\"])")
+BULK_DATA_START = re.compile(
+    r"(?im)^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b|PSHELL[*, ]|INCLUDE\s+['\"])"
+)
 #: Greatest depth of included files.
-DEEPEST_INCLUDE = 16
+MAX_INCLUDE_DEPTH = 16
 #: Files may be included from the folder above the deck's if its path has at least so many names,
 #: which excludes folders of the system and home folders.
-DEEP_ENOUGH = 4
+MIN_ROOT_DEPTH = 4
 #: Largest size of all files of a deck together, bytes.
-LARGEST_DECK = 4 * 2**30
+MAX_DECK_BYTES = 4 * 2**30
 
 
 #: What is called with the size of all files read so far, in bytes.
-Watch = Callable[[int], None]
+SizeCallback = Callable[[int], None]
 
 
 class Sources:
@@ -39,12 +41,16 @@ class Sources:
     """
 
     def __init__(
-        self, path: Path, name: str, on_size: Watch = lambda size: None, root: str | None = None
+        self,
+        path: Path,
+        name: str,
+        on_size: SizeCallback = lambda size: None,
+        root: str | None = None,
     ) -> None:
         self.path = path
         self.name = name
         self.folder = path.resolve().parent
-        self.root = _root(path) if root is None else Path(root)
+        self.root = _include_root(path) if root is None else Path(root)
         self.size = 0
         self._on_size = on_size
         self._open: list[Path] = []
@@ -52,7 +58,7 @@ class Sources:
     def lines(self, path: Path, name: str) -> list[str]:
         """Lines of one file, without line ends."""
         self.size += path.stat().st_size
-        if self.size > LARGEST_DECK:
+        if self.size > MAX_DECK_BYTES:
             raise MeshError(f"{self.name} and the files it includes have more than 4 GiB.")
         self._on_size(self.size)
         content = path.read_bytes()
@@ -67,34 +73,38 @@ class Sources:
         # splitlines() would also divide lines at other characters; DOS ends a file by \x1a
         return text.rstrip("\x1a").replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
-    def main(self) -> list[str]:
+    def main_lines(self) -> list[str]:
         """Lines of the deck itself."""
         self._open = [self.path.resolve()]
         return self.lines(self.path, self.name)
 
-    def enter(self, named: str, at: DeckPlace) -> list[str]:
-        """Lines of an included file, which stays open until `leave`."""
-        named = named.strip().strip("'\"").strip()
-        at.needs(named, "an include without the name of a file.")
+    def enter_file(self, file_name: str, at: DeckPlace) -> list[str]:
+        """Lines of an included file, which stays open until `leave_file`."""
+        file_name = file_name.strip().strip("'\"").strip()
+        at.require(file_name, "an include without the name of a file.")
         try:
-            path = self._path(named)
+            path = self._included_path(file_name)
             below_root = path.is_relative_to(self.root)
             exists = below_root and os.path.isfile(path)
         except (OSError, ValueError):
             below_root, exists = True, False
         folder = "/".join(self.root.parts[-2:])
-        outside = f"{named[:80]!r} lies outside the folder {folder!r}, from which {self.name} may "
-        at.needs(below_root, f"{outside}include files; name the folder that holds them all (root).")
-        at.needs(exists, f"there is no file {named[:80]!r}: put it beside {self.name}.")
-        at.needs(path not in self._open, f"{named[:80]!r} includes itself.")
-        shallow = len(self._open) < DEEPEST_INCLUDE
-        at.needs(shallow, f"files include one another more than {DEEPEST_INCLUDE} deep.")
+        outside = (
+            f"{file_name[:80]!r} lies outside the folder {folder!r}, from which {self.name} may "
+        )
+        at.require(
+            below_root, f"{outside}include files; name the folder that holds them all (root)."
+        )
+        at.require(exists, f"there is no file {file_name[:80]!r}: put it beside {self.name}.")
+        at.require(path not in self._open, f"{file_name[:80]!r} includes itself.")
+        shallow = len(self._open) < MAX_INCLUDE_DEPTH
+        at.require(shallow, f"files include one another more than {MAX_INCLUDE_DEPTH} deep.")
         self._open.append(path)
         return self.lines(path, path.name)
 
-    def _path(self, named: str) -> Path:
+    def _included_path(self, file_name: str) -> Path:
         """Path of a file beside the deck, else beside the file that includes it."""
-        name = named.replace("\\", "/")
+        name = file_name.replace("\\", "/")
         folders = [self.folder, *(opened.parent for opened in self._open[-1:])]
         path, *alternatives = ((folder / name).resolve() for folder in folders)
         # unlike Path.is_file, no error for names that are too long
@@ -102,45 +112,47 @@ class Sources:
             (p for p in alternatives if not os.path.isfile(path) and os.path.isfile(p)), path
         )
 
-    def holds(self, named: str) -> bool:
+    def exists(self, file_name: str) -> bool:
         """Whether an included file exists; True for an empty name."""
-        name = named.strip().strip("'\"")
-        return not name or os.path.isfile(self._path(name))
+        name = file_name.strip().strip("'\"")
+        return not name or os.path.isfile(self._included_path(name))
 
-    def leave(self) -> None:
+    def leave_file(self) -> None:
         """Leave the file that was entered last."""
         self._open.pop()
 
 
 #: Variable with the folder above which no file is read: that of `antiosc mcp`.
-LIMIT = "ANTIOSC_FOLDER"
+FOLDER_VARIABLE = "ANTIOSC_FOLDER"
 
 
-def _root(path: Path) -> Path:
+def _include_root(path: Path) -> Path:
     """Folder of all files that a deck may include: its own, or its parent if the user owns both."""
     folder = path.resolve().parent
-    if LIMIT in os.environ and not folder.parent.is_relative_to(os.environ[LIMIT]):
+    if FOLDER_VARIABLE in os.environ and not folder.parent.is_relative_to(
+        os.environ[FOLDER_VARIABLE]
+    ):
         return folder
     try:
         own = all(item.stat().st_uid == os.getuid() for item in (path, folder, folder.parent))
     except OSError:
         own = False
-    return folder.parent if own and len(folder.parent.parts) >= DEEP_ENOUGH else folder
+    return folder.parent if own and len(folder.parent.parts) >= MIN_ROOT_DEPTH else folder
 
 
-Kind = Literal["read", "harmless", "ignored", "refused"]
+FateKind = Literal["read", "harmless", "ignored", "refused"]
 #: Largest number of lines that are listed for a card.
-MOST_LINES = 4
+MAX_LISTED_LINES = 4
 
 
 class Fate(NamedTuple):
     """Treatment of a card: its kind, and a text on a refused card, or a remark."""
 
-    kind: Kind = "ignored"
-    what: str = ""
+    kind: FateKind = "ignored"
+    text: str = ""
 
 
-def table(*, refused: Mapping[str, str], **names: Iterable[str]) -> dict[str, Fate]:
+def fate_table(*, refused: Mapping[str, str], **names: Iterable[str]) -> dict[str, Fate]:
     """Name of a card -> fate; `refused`: text on refused cards ("what: remedy") -> their names."""
     fates: dict[str, Fate] = {}
     for kind, names_of_kind in names.items():  # read, harmless, ignored
@@ -151,7 +163,7 @@ def table(*, refused: Mapping[str, str], **names: Iterable[str]) -> dict[str, Fa
 
 
 #: Sentence on cards of contact between parts of what is read.
-CONTACT_LEFT_OUT = (
+UNMODELLED_CONTACT_TEXT = (
     "contact between parts of {name} is not modelled ({cards}): parts that only touch do not press"
     " on each other, and hold together where they share nodes or joints, also a few, alone."
 )
@@ -179,7 +191,7 @@ class Account:
             if fate.kind != "refused":
                 continue
 
-            what, _, remedy = fate.what.partition(": ")
+            what, _, remedy = fate.text.partition(": ")
             remedy = remedy or "remove it from the deck, or model the part without it"
             what = f" is {what}, which" if what else ""
             message = f"{place}: {name}{what} is not supported here and would change the result"
@@ -188,28 +200,28 @@ class Account:
                 raise PiecesError(f"{message}; {remedy}.")
             raise MeshError(f"{message}; {remedy}.")
 
-        if cards := ", ".join(_counted(left, "refused")):
-            deck.remarks.append(CONTACT_LEFT_OUT.format(name=self.name, cards=cards))
+        if cards := ", ".join(_counted_entries(left, "refused")):
+            deck.remarks.append(UNMODELLED_CONTACT_TEXT.format(name=self.name, cards=cards))
 
     def ignored(self) -> list[str]:
         """Count, name and lines of the cards and options that are ignored."""
-        return _counted([*self.cards, *self.options], "ignored")
+        return _counted_entries([*self.cards, *self.options], "ignored")
 
 
-def _counted(entries: Iterable[tuple[str, DeckPlace, Fate]], kind: Kind) -> list[str]:
+def _counted_entries(entries: Iterable[tuple[str, DeckPlace, Fate]], kind: FateKind) -> list[str]:
     """ "count name (lines)" of the cards of one fate."""
     places: dict[str, list[DeckPlace]] = {}
     for name, place, fate in sorted(entries, key=lambda entry: entry[0]):
         if fate.kind == kind:
-            places.setdefault(f"{name} {fate.what}".strip(), []).append(place)
-    return [f"{len(at)} {label} ({lines(at)})" for label, at in places.items()]
+            places.setdefault(f"{name} {fate.text}".strip(), []).append(place)
+    return [f"{len(at)} {label} ({lines_text(at)})" for label, at in places.items()]
 
 
-def lines(places: Iterable[DeckPlace]) -> str:
+def lines_text(places: Iterable[DeckPlace]) -> str:
     """Text of lines and their file; a long list is shortened."""
     every = list(places)
-    shown = every[:MOST_LINES]
-    more = f" and {len(every) - MOST_LINES} more" * (len(every) > MOST_LINES)
+    shown = every[:MAX_LISTED_LINES]
+    more = f" and {len(every) - MAX_LISTED_LINES} more" * (len(every) > MAX_LISTED_LINES)
     if len({place.file for place in every}) > 1:
         return ", ".join(map(str, shown)) + more
     numbers = ", ".join(str(place.line) for place in shown)

@@ -14,7 +14,7 @@ import pytest
 from antiosc.io.conversion import Deck
 from antiosc.io.neutral import UnitSystem
 from antiosc_decks import abaqus_assembly, abaqus_model
-from antiosc_decks.builder import Unstated
+from antiosc_decks.builder import MaterialDefaults
 from antiosc_decks.sources import Sources
 
 NODES = """\
@@ -49,9 +49,9 @@ def read(
     """(the model of a deck as the process that reads it returns it, its nodes and sets)."""
     path = folder / "part.inp"
     path.write_text(text)
-    whole = abaqus_assembly.read(Sources(path, path.name))
+    whole = abaqus_assembly.read_deck(Sources(path, path.name))
     whole.deck.wanted_parts = parts
-    model = abaqus_model.model_of(whole, UnitSystem.of("mm"), Unstated(density, modulus))
+    model = abaqus_model.model_of(whole, UnitSystem.of("mm"), MaterialDefaults(density, modulus))
     return json.loads(json.dumps(model)), whole.deck
 
 

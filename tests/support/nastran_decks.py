@@ -12,7 +12,7 @@ from typing import Any
 from antiosc.io.conversion import Deck
 from antiosc.io.neutral import UnitSystem
 from antiosc_decks import nastran_mesh as nastran, nastran_model
-from antiosc_decks.builder import Unstated
+from antiosc_decks.builder import MaterialDefaults
 from antiosc_decks.sources import Sources
 
 CORNERS = [(x, y, z) for z in (0, 10) for x, y in ((0, 0), (20, 0), (20, 10), (0, 10))]
@@ -32,8 +32,8 @@ def read(
     """(the model of a deck as the process that reads it returns it, its nodes and sets)."""
     path = folder / "part.bdf"
     path.write_text(text)
-    found = nastran.read(Sources(path, path.name))
-    model = nastran_model.model_of(found, UnitSystem.of(unit), Unstated(density))
+    found = nastran.read_deck(Sources(path, path.name))
+    model = nastran_model.model_of(found, UnitSystem.of(unit), MaterialDefaults(density))
     return json.loads(json.dumps(model)), found.deck
 
 

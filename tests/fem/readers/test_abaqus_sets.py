@@ -7,7 +7,7 @@ import pytest
 
 from antiosc.base.errors import MeshError
 from antiosc_decks import abaqus_assembly
-from antiosc_decks.abaqus_assembly import FIRST_OTHER
+from antiosc_decks.abaqus_assembly import FIRST_NON_CELL_ROW
 from antiosc_decks.sources import Sources
 from refusals import refused
 
@@ -19,7 +19,7 @@ def read(tmp_path):
             (tmp_path / f"{name}.inp").write_text(content)
         path = tmp_path / "part.inp"
         path.write_text(text)
-        return abaqus_assembly.read(Sources(path, path.name))
+        return abaqus_assembly.read_deck(Sources(path, path.name))
 
     return of
 
@@ -71,10 +71,10 @@ def test_sets_of_elements_and_of_those_that_are_no_cells(read):
     assert lists(whole.deck.element_sets) == {"A": [0, 3], "B": [0, 1, 2, 3]}
     assert whole.deck.points[whole.deck.node_sets["N"]].tolist() == [[9, 9, 9], [1, 1, 1]]
     assert whole.deck.skipped == {"SPRINGA": 2, "MASS": 1}
-    others = [(kind, row.fields) for kind, row, _ in whole.others]
+    others = [(kind, row.fields) for kind, row, _ in whole.non_cells]
     assert others == [("SPRINGA", [*"713"]), ("SPRINGA", [*"835"]), ("MASS", [*"91"])]
     beside = {
-        name: (rows[rows >= FIRST_OTHER] - FIRST_OTHER).tolist()
+        name: (rows[rows >= FIRST_NON_CELL_ROW] - FIRST_NON_CELL_ROW).tolist()
         for (_, name), rows in whole.sets.items()
     }
     assert (beside["K"], beside["A"]) == ([0, 1], [0, 1, 2])
@@ -134,7 +134,7 @@ def test_sets_of_an_assembly(read):
     }  # fmt: skip
     assert list(whole.instances) == ["", "I-1", "I-2"]
     second = whole.instances["I-2"]
-    assert (second.first_node, second.first_element) == (11, 4)
+    assert (second.first_node_row, second.first_element_row) == (11, 4)
 
 
 def test_cards_in_files_and_over_lines(read):

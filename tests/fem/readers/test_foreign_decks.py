@@ -73,10 +73,10 @@ def test_files_of_the_folder_above_and_below_root_are_included_and_no_others(tmp
     path.write_text(f"BEGIN BULK\nINCLUDE '{name}'\n{bdf.HEXA}")
     sources = Sources(path, "part.bdf", **({"root": str(tmp_path / root)} if root else {}))
     if not word:
-        assert nastran.read(sources).deck.n_elements == 1
+        assert nastran.read_deck(sources).deck.n_elements == 1
         return
     with refused(None, word, MeshError):
-        nastran.read(sources)
+        nastran.read_deck(sources)
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,7 @@ def test_systems_by_grids_and_within_each_other(tmp_path):
     text += "GRID,24,14,2.,90.,90.\nGRID,25,14,2.,30.,0.\nGRID,26,15,1.,2.,3.\n"
     path = tmp_path / "part.bdf"
     path.write_text(text)
-    found = nastran.read(Sources(path, path.name))
+    found = nastran.read_deck(Sources(path, path.name))
     # system 11: z is y of the deck, x is z, y is x; system 13: z is z, x is y, y is -x
     expected = [(3, 5, 4), (3, 5, 3), (1, 4, 4), (3, 2, 3), (1, 2 + math.sqrt(3), 4), (5, 8, 5)]
     np.testing.assert_allclose(found.deck.points[3:], expected, atol=1e-12)
@@ -69,7 +69,7 @@ def test_systems_by_grids_and_within_each_other(tmp_path):
     ):
         path.write_text(text + wrong)
         with refused(at, word, ao.MeshError):
-            nastran.read(Sources(path, path.name))
+            nastran.read_deck(Sources(path, path.name))
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import pytest
 import antiosc as ao
 from abaqus_decks import alike
 from antiosc_decks import nastran_mesh as nastran
-from antiosc_decks.nastran_cards import Bulk
+from antiosc_decks.nastran_cards import BulkData
 from antiosc_decks.sources import Sources
 from nastran_decks import CYCLIC, GRIDS, HEXA, MAT1, NU, RHO, E, groups, line, read
 from refusals import refused
@@ -179,7 +179,7 @@ def faults(folder, text: str) -> str:
 def bulk(folder, text: str):
     path = folder / "part.bdf"
     path.write_text(text)
-    return Bulk(Sources(path, path.name, lambda size: None))
+    return BulkData(Sources(path, path.name, lambda size: None))
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -255,4 +255,4 @@ def test_what_is_wrong_is_told_with_its_line(tmp_path, text):
     path = tmp_path / "part.bdf"
     path.write_text(text)
     with refused(*WRONG[text], ao.MeshError):
-        nastran.read(Sources(path, path.name))
+        nastran.read_deck(Sources(path, path.name))

@@ -27,7 +27,7 @@ from antiosc_decks import (
     nastran_mesh as nastran,
     nastran_model,
 )
-from antiosc_decks.builder import Unstated
+from antiosc_decks.builder import MaterialDefaults
 from antiosc_decks.sources import Sources
 from paths import DECKS
 from refusals import refused
@@ -59,7 +59,7 @@ def read(folder, name: str, text: str | bytes):
         else (nastran, nastran_model.model_of)
     )
     found = reader.read(Sources(path, path.name))
-    return model_of(found, UnitSystem.of("mm"), Unstated()), found.deck
+    return model_of(found, UnitSystem.of("mm"), MaterialDefaults()), found.deck
 
 
 def otherwise(text: str, *changes: tuple[str, str]) -> str:
@@ -254,7 +254,7 @@ def read_in(path: Path, text: str, units: UnitSystem) -> tuple[dict[str, Any], D
     path.write_text(text, encoding="latin-1")
     reader, model = PAIRS[path.name]
     found = reader.read(Sources(path, path.name))
-    return model.model_of(found, units, Unstated()), found.deck
+    return model.model_of(found, units, MaterialDefaults()), found.deck
 
 
 @pytest.mark.parametrize("unit", ["mm", "in"])

@@ -16,7 +16,7 @@ from antiosc_decks import (
 )
 from antiosc_decks.abaqus_cards import Card
 from antiosc_decks.entries import DeckPlace
-from antiosc_decks.nastran_beams import RIGID_IN_SHEAR, BeamProfiles
+from antiosc_decks.nastran_beams import RIGID_SHEAR_FACTOR, BeamProfiles
 from antiosc_decks.nastran_cards import Entry
 
 PLACE = DeckPlace(Path("a deck"), 1)
@@ -175,12 +175,12 @@ def test_torsion_of_rectangles_is_prandtls(name):
     [
         ("PBEAM", ("", ""), (1, 1)),
         ("PBEAM", ("", ".3"), (1, 0.3)),
-        ("PBEAM", (".3", "0."), (0.3, RIGID_IN_SHEAR)),
-        ("PBEAM", ("0.", ".3"), (RIGID_IN_SHEAR, 0.3)),
+        ("PBEAM", (".3", "0."), (0.3, RIGID_SHEAR_FACTOR)),
+        ("PBEAM", ("0.", ".3"), (RIGID_SHEAR_FACTOR, 0.3)),
         ("PBEAM", ("0.", "0."), None),
         ("PBAR", ("", ""), None),
-        ("PBAR", ("", ".3"), (RIGID_IN_SHEAR, 0.3)),
-        ("PBAR", (".3", "0."), (0.3, RIGID_IN_SHEAR)),
+        ("PBAR", ("", ".3"), (RIGID_SHEAR_FACTOR, 0.3)),
+        ("PBAR", (".3", "0."), (0.3, RIGID_SHEAR_FACTOR)),
     ],
 )
 def test_shear_coefficients_that_are_blank_or_0(name, K, wanted):
@@ -189,7 +189,7 @@ def test_shear_coefficients_that_are_blank_or_0(name, K, wanted):
         fields[5:7] = ["4.7", ""]
     one = beam(name, fields)
     assert one.sheared == bool(wanted)
-    assert not wanted or one.profile.shears == wanted
+    assert not wanted or one.profile.shear_coefficients == wanted
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ def deck_of(folder, x: np.ndarray, text: str):
     path = folder / "a.inp"
     nodes = "".join(f"{k},{','.join(map(repr, map(float, p)))}\n" for k, p in enumerate(x, 1))
     path.write_text(f"*NODE\n{nodes}{text}")
-    whole = abaqus_assembly.read(Sources(path, "a.inp"))
+    whole = abaqus_assembly.read_deck(Sources(path, "a.inp"))
     return whole, [card for card in whole.cards if card.keyword != "NODE"]
 
 
@@ -297,10 +297,12 @@ def test_shapes_of_faces_are_one_at_their_node_and_have_their_slopes(count):
     nodes = corners
     if count > 4:
         nodes = np.vstack([corners, (corners + np.roll(corners, -1, axis=0)) / 2])
-    values = np.array([ties._shapes(count, xi)[0] for xi in nodes])
+    values = np.array([ties._shape_functions(count, xi)[0] for xi in nodes])
     np.testing.assert_allclose(values, np.eye(count), atol=1e-15)
     xi, h = np.array([0.21, 0.34]), 1e-6
-    slopes = ties._shapes(count, xi)[1]
+    slopes = ties._shape_functions(count, xi)[1]
     for k, step in enumerate(h * np.eye(2)):
-        rise = ties._shapes(count, xi + step)[0] - ties._shapes(count, xi - step)[0]
+        rise = (
+            ties._shape_functions(count, xi + step)[0] - ties._shape_functions(count, xi - step)[0]
+        )
         np.testing.assert_allclose(slopes[:, k], rise / (2 * h), atol=1e-9)
