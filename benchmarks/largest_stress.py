@@ -30,9 +30,9 @@ from antiosc.fields.peaks import PeakField
 from antiosc.io.isolation import Refinement
 from antiosc.strikes import stress
 from antiosc_app.scene_file.build import Builder, Call, Evaluation, calls_in
-from antiosc_app.scene_file.document import Document, read
+from antiosc_app.scene_file.document import Document, read_document
 from antiosc_app.scene_file.scene import exchanged_call, with_smaller_cells
-from antiosc_app.scene_file.settled import begin, settled
+from antiosc_app.scene_file.settled import begin_settling, settle
 
 OUT = Path(__file__).parent / "speed" / "largest_stress.md"
 #: Beginning of the page, up to the rows.
@@ -111,7 +111,7 @@ def struck(document: Document, name: str, speed: float) -> Blow:
     document = replace(document, data={**document.data, "impactor": striker})
 
     started = seconds()
-    scene, evaluate = settled(document)
+    scene, evaluate = settle(document)
     part, hit = evaluate(scene.structure), evaluate(scene.history)
     bar = hit.error_budget["peak_force"].known
     of_force = seconds() - started
@@ -131,7 +131,7 @@ def dropped(document: Document, name: str) -> Blow:
     document = replace(document, data={**kept, "drop": FALL})
 
     started = seconds()
-    scene, evaluate = begin(document)
+    scene, evaluate = begin_settling(document)
     part, fall = evaluate(scene.structure), evaluate(scene.fall)
     of_force = seconds() - started
 
@@ -223,7 +223,7 @@ def rows_of(path: Path, folder: str, least: int, falls: bool) -> list[str]:
     scene = scene_of(path, folder)
     if scene is None:
         return [f"| {path.stem} | no scene |"]
-    document = read(scene)
+    document = read_document(scene)
     blows = (
         [dropped(document, path.stem)]
         if falls

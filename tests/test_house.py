@@ -291,6 +291,6 @@ def test_groups_of_names_are_those_of_the_package():
     classes = {name: one for name in ao._MODULES if inspect.isclass(one := getattr(ao, name))}
     laws = {name for name, kind in classes.items() if issubclass(kind, ao.ContactLaw)}
     assert laws <= set(ao.laws.__all__)
-    assert laws - {"ContactLaw"} <= set(schema.LAWS.split())
+    assert laws - {"ContactLaw"} <= set(schema.LAW_NAMES.split())
     errors = {name for name, kind in classes.items() if issubclass(kind, Exception)}
     assert errors == set(ao.errors.__all__)

@@ -44,7 +44,7 @@ def test_nothing_is_missing_after_set_up():
     for package in info.PACKAGES:
         assert re.search(r"\d+\.\d+", row(text, package.name)), package.name
     of_pypi = importlib.util.find_spec("dolfinx_solver") is not None
-    distribution = info.WHEEL if of_pypi else "fenics-dolfinx"
+    distribution = info.SOLVER_WHEEL if of_pypi else "fenics-dolfinx"
     assert row(text, "dolfinx") == importlib.metadata.version(distribution)
     assert row(text, "solvers") == ("MUMPS" if of_pypi else "CHOLMOD, MUMPS")
     assert re.match(r"not called|\d", row(text, "CHOLMOD"))
@@ -60,7 +60,7 @@ def test_errors_of_antiosc_become_one_line_and_exit_code_1(capsys, monkeypatch):
     def fail() -> str:
         raise InputError("the number must be > 0; got -1.")
 
-    monkeypatch.setattr(info, "report", fail)
+    monkeypatch.setattr(info, "info_text", fail)
     assert cli.main(["info"]) == 1
     assert capsys.readouterr().err == "antiosc: the number must be > 0; got -1.\n"
 
@@ -72,21 +72,21 @@ def test_runs_without_the_finite_element_packages_and_says_how_to_get_them():
     assert row(text, "dolfinx") == "missing"
     assert row(text, "solvers") == "none of CHOLMOD, MUMPS"
     missing = [package for package in info.PACKAGES if package.module in absent]
-    assert info.remedy(missing, info.installation()) in text
+    assert info.install_command(missing, info.installation_kind()) in text
 
 
 @pytest.mark.fem
 def test_meshes_need_a_compiler(monkeypatch):
     monkeypatch.setenv("CC", "no-compiler")
-    text = info.report()
+    text = info.info_text()
     assert "meshes cannot be read or simulated here" in row(text, "works")
     assert "Missing: C compiler" in text
 
 
 def test_pip_brings_all_where_pypi_has_wheels():
-    asked = info.remedy(info.PACKAGES, "wheels")
+    asked = info.install_command(info.PACKAGES, "wheels")
     assert all(name in asked for name in ("pip install", "dolfinx-solver-real", "gmsh"))
-    assert "dolfinx" not in info.remedy(info.PACKAGES, "venv").partition(";")[0]
+    assert "dolfinx" not in info.install_command(info.PACKAGES, "venv").partition(";")[0]
 
 
 @pytest.mark.fem

@@ -22,9 +22,9 @@ from antiosc.strikes.tradeoff import (
     TradeoffMember,
 )
 from antiosc_app.cli import main
-from antiosc_app.commands import to_a_tolerance
-from antiosc_app.scene_file.compiled import compiled
-from antiosc_app.scene_file.document import read
+from antiosc_app.commands import with_strike
+from antiosc_app.scene_file.compiled import compile_document
+from antiosc_app.scene_file.document import read_document
 from parts import STEEL, plate
 
 pytestmark = [
@@ -146,7 +146,7 @@ def test_the_mesh_of_a_scene_of_one_simulation_is_varied(tmp_path):
         SCENE.replace("PLATE", "bracket.step")
         + "\n[extract]\nn = 20\n[simulate]\nduration = 2e-4\n[output]\ncsv = true\n"
     )
-    data = to_a_tolerance(read(tmp_path / "scene.toml")).data
+    data = with_strike(read_document(tmp_path / "scene.toml")).data
     assert data["strike"] == {"tol": 0.02, "duration": 2e-4}
     assert not {"extract", "simulate"} & set(data)
     assert {"material", "supports", "sites", "impactor", "contact"} <= set(data)
@@ -161,7 +161,7 @@ def test_strike_meshes_a_geometry_whatever_its_size_says(tmp_path, kind):
         + "\n[strike]\ntol = 0.05\nduration = 2e-4\n"
     )
     (tmp_path / "scene.toml").write_text(text)
-    given = compiled(read(tmp_path / "scene.toml")).history.arguments["source"]
+    given = compile_document(read_document(tmp_path / "scene.toml")).history.arguments["source"]
     assert (given == source) == (kind == "step")  # a finished mesh is read in that size
 
 

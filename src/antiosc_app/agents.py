@@ -19,8 +19,8 @@ from antiosc.base import checks
 from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.base.packages import loading
 from antiosc_app import info
-from antiosc_app.agents_work import TOOLS, Refusal, Table, explain, hash_of, work
-from antiosc_app.scene_file.schema import KIND, SECTIONS, parameters
+from antiosc_app.agents_work import TOOLS, Refusal, Table, explain, run_call, sha256_of
+from antiosc_app.scene_file.schema import KIND_KEY, SECTIONS, parameters_of
 
 try:
     with loading():
@@ -36,17 +36,17 @@ except ImportError as error:
     ) from None
 
 #: Calls at once, waiting calls, answers that `explain` knows, bytes of the arguments of a call.
-AT_ONCE, WAITING, KEPT_ANSWERS, LARGEST_ARGUMENTS = 2, 16, 64, 1_000_000
+CALLS_AT_ONCE, MAX_WAITING_CALLS, MAX_KEPT_ANSWERS, MAX_ARGUMENT_BYTES = 2, 16, 64, 1_000_000
 #: Resources: pages of the documentation, and the schema of a scene with all keys.
-RESOURCES = ("glossary", "limits", "scene")
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+RESOURCE_NAMES = ("glossary", "limits", "scene")
+DOCS_FOLDER = Path(__file__).resolve().parents[2] / "docs"
 DOCS_ADDRESS = "https://github.com/antiosc/antiosc/tree/main/docs"
 
 INSTRUCTIONS = (
     "Impacts on structures, in SI units. Read a number with its bar [low, high] and the cautions;"
     " what was assumed has its key, and a refusal names the key to give and its choices."
 )
-SCENE = (
+SCENE_DESCRIPTION = (
     "The sections of a scene in SI units, or the path of a scene file (.toml), as"
     ' {"geometry": {"source": "part.step"}, "material": "steel S235", "supports": [{"plane":'
     ' [[0, 0, 0], [0, 0, 1]]}], "sites": {"tip": {"point": [0, 0, 0.1], "direction": [0, 0, -1],'
@@ -55,10 +55,10 @@ SCENE = (
     ' {"duration": "auto"}}. All keys: the resource antiosc://scene.'
 )
 #: Argument of a tool -> its schema.
-ARGUMENTS: dict[str, Table] = {
+ARGUMENT_SCHEMAS: dict[str, Table] = {
     "scene": {
         "type": ["object", "string"],
-        "description": SCENE,
+        "description": SCENE_DESCRIPTION,
         "properties": {name: {"description": one.about} for name, one in SECTIONS.items()},
     },
     "file": {"type": "string", "description": "a path below the folder of this server"},
@@ -75,10 +75,10 @@ ARGUMENTS: dict[str, Table] = {
 def input_schema(name: str) -> Table:
     """The JSON schema of a tool's arguments, read from the signature of its function."""
     known = inspect.signature(TOOLS[name][0]).parameters.values()
-    given = [one for one in known if one.name in ARGUMENTS]
+    given = [one for one in known if one.name in ARGUMENT_SCHEMAS]
     return {
         "type": "object",
-        "properties": {one.name: ARGUMENTS[one.name] for one in given},
+        "properties": {one.name: ARGUMENT_SCHEMAS[one.name] for one in given},
         "required": [one.name for one in given if one.default is one.empty],
         "additionalProperties": False,
     }
@@ -88,20 +88,20 @@ def scene_schema() -> Table:
     """The JSON schema of a scene: its sections and their keys."""
     sections: Table = {}
     for name, section in SECTIONS.items():
-        keys = dict.fromkeys(key for one in section.makes for key in parameters(one))
+        keys = dict.fromkeys(key for one in section.callables for key in parameters_of(one))
         table: Table = {"properties": {key: {} for key in keys if key not in section.given.split()}}
-        if len(section.makes) > 1:
-            table["properties"][KIND] = {"enum": list(section.makes)}
+        if len(section.callables) > 1:
+            table["properties"][KIND_KEY] = {"enum": list(section.callables)}
         key = {"named": "additionalProperties", "list": "items"}.get(section.form)
         sections[name] = {"description": section.about} | (table if key is None else {key: table})
-    return {**ARGUMENTS["scene"], "properties": sections}
+    return {**ARGUMENT_SCHEMAS["scene"], "properties": sections}
 
 
 def resource_text(name: str) -> str:
     """The text of the resource `name`, or the address of its page."""
     if name == "scene":
         return json.dumps(scene_schema(), indent=1)
-    path = DOCS / f"{name}.md"
+    path = DOCS_FOLDER / f"{name}.md"
     return path.read_text(encoding="utf-8") if path.is_file() else f"{DOCS_ADDRESS}/{name}.md"
 
 
@@ -109,13 +109,13 @@ class ToolServer(MCPServer[Any]):
     """Server of the tools on one folder; a call takes at most `seconds` and `memory` bytes."""
 
     def __init__(self, folder: Path, seconds: float, memory: int) -> None:
-        super().__init__("antiosc", version=info.version(), instructions=INSTRUCTIONS)
+        super().__init__("antiosc", version=info.antiosc_version(), instructions=INSTRUCTIONS)
         self.folder = folder
         self.seconds = seconds
         self.memory = memory
-        self.slots = anyio.Semaphore(AT_ONCE)
+        self.slots = anyio.Semaphore(CALLS_AT_ONCE)
         self.known: dict[str, Table] = {}
-        for name in RESOURCES:
+        for name in RESOURCE_NAMES:
             text = partial(resource_text, name)
             self.add_resource(FunctionResource(uri=f"antiosc://{name}", name=name, fn=text))
 
@@ -133,11 +133,11 @@ class ToolServer(MCPServer[Any]):
         except Refusal as refusal:
             told, pictures = refusal.told, []
 
-        inputs = hash_of({"tool": name, "arguments": arguments})
-        told = {"tool": name[:100], "version": info.version(), "hash": inputs, **told}
+        inputs = sha256_of({"tool": name, "arguments": arguments})
+        told = {"tool": name[:100], "version": info.antiosc_version(), "hash": inputs, **told}
         refused = told["status"] == "refused"
         if not refused:
-            self.known = dict([*self.known.items(), (told["hash"], told)][-KEPT_ANSWERS:])
+            self.known = dict([*self.known.items(), (told["hash"], told)][-MAX_KEPT_ANSWERS:])
         text = types.TextContent(type="text", text=json.dumps(told, ensure_ascii=False))
         images = [types.ImageContent(type="image", data=x, mime_type="image/png") for x in pictures]
         return types.CallToolResult(
@@ -150,9 +150,9 @@ class ToolServer(MCPServer[Any]):
         """(answer, pictures) of a call; raises Refusal if it breaks a rule of the server."""
         if name not in TOOLS:
             raise Refusal("tool", f"there is no tool {checks.shown(name)}.", choices=TOOLS)
-        if len(json.dumps(arguments)) > LARGEST_ARGUMENTS:
+        if len(json.dumps(arguments)) > MAX_ARGUMENT_BYTES:
             raise Refusal(
-                "limit", f"the arguments exceed {LARGEST_ARGUMENTS} bytes: name a scene file."
+                "limit", f"the arguments exceed {MAX_ARGUMENT_BYTES} bytes: name a scene file."
             )
         for mistake in Draft202012Validator(input_schema(name)).iter_errors(arguments):
             rule = f"{mistake.validator}: {checks.shown(mistake.validator_value)}"
@@ -160,8 +160,8 @@ class ToolServer(MCPServer[Any]):
         if name == "explain":
             return explain(self.known, **arguments)
 
-        if self.slots.statistics().tasks_waiting >= WAITING:
-            raise Refusal("busy", f"{WAITING} calls wait already: call again later.")
+        if self.slots.statistics().tasks_waiting >= MAX_WAITING_CALLS:
+            raise Refusal("busy", f"{MAX_WAITING_CALLS} calls wait already: call again later.")
         async with self.slots:
             with anyio.move_on_after(self.seconds):
                 return await self._run_in_process(context, name, arguments)
@@ -175,7 +175,7 @@ class ToolServer(MCPServer[Any]):
         spawn = multiprocessing.get_context("spawn")
         wire, other = spawn.Pipe()
         given = other, self.folder, self.memory, name, arguments
-        process = spawn.Process(target=work, args=given, daemon=True)
+        process = spawn.Process(target=run_call, args=given, daemon=True)
         process.start()
         other.close()
         began = anyio.current_time()

@@ -32,15 +32,26 @@ from antiosc_app.presentation import Picture, drawn_pictures
 from antiosc_app.quantities import quantities, quantity
 from antiosc_app.scene_file import schema
 from antiosc_app.scene_file.build import Builder, calls_in
-from antiosc_app.scene_file.compiled import compiled
-from antiosc_app.scene_file.document import Document, Place, checked, label, read
+from antiosc_app.scene_file.compiled import compile_document
+from antiosc_app.scene_file.document import (
+    Document,
+    Place,
+    checked_document,
+    place_text,
+    read_document,
+)
 
 Table: TypeAlias = dict[str, Any]
 Answer: TypeAlias = tuple[Table, list[Picture]]
 #: What `status` of a history or a fall means.
-STATUS = ("completed", "completed: tol is not met", "stopped early", "completed: contact goes on")
+STATUS_TEXTS = (
+    "completed",
+    "completed: tol is not met",
+    "stopped early",
+    "completed: contact goes on",
+)
 #: Constants of a material that are told, and their units.
-CONSTANTS = {"E": "Pa", "nu": "1", "rho": "kg/m³", "yield_strength": "Pa"}
+CONSTANT_UNITS = {"E": "Pa", "nu": "1", "rho": "kg/m³", "yield_strength": "Pa"}
 
 
 class Refusal(InputError):
@@ -53,12 +64,12 @@ class Refusal(InputError):
         self.told = {"status": "refused", "text": lines[0], "quantities": [], "refusal": refusal}
 
 
-def hash_of(inputs: object) -> str:
+def sha256_of(inputs: object) -> str:
     """SHA-256 of a JSON value."""
     return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
 
 
-def within(root: Path, name: str, base: Path | None = None) -> Path:
+def path_within(root: Path, name: str, base: Path | None = None) -> Path:
     """The resolved path of `name`, from `base` or `root`; raises Refusal outside of `root`."""
     try:
         path = ((base or root) / name).resolve()
@@ -71,13 +82,13 @@ def within(root: Path, name: str, base: Path | None = None) -> Path:
     return path
 
 
-def values_in(data: object, place: Place = ()) -> Iterator[tuple[Place, object]]:
+def leaf_values(data: object, place: Place = ()) -> Iterator[tuple[Place, object]]:
     """Yield (place, value) of each value in nested tables and lists."""
     if not isinstance(data, dict | list):
         yield place, data
     else:
         for key, value in data.items() if isinstance(data, dict) else enumerate(data):
-            yield from values_in(value, (*place, key))
+            yield from leaf_values(value, (*place, key))
 
 
 def hashes_of(base: Path, data: Table, root: Path) -> Table:
@@ -86,10 +97,10 @@ def hashes_of(base: Path, data: Table, root: Path) -> Table:
     Raises Refusal for a file outside of `root`, and for null, NaN or infinity.
     """
     hashes = {}
-    for place, value in values_in(data):
+    for place, value in leaf_values(data):
         if value is None or (isinstance(value, float) and not math.isfinite(value)):
-            raise Refusal("scene", f"{label(place)} is no finite number.", label(place))
-        path = within(root, value, base) if isinstance(value, str) else root
+            raise Refusal("scene", f"{place_text(place)} is no finite number.", place_text(place))
+        path = path_within(root, value, base) if isinstance(value, str) else root
         if path.is_file():
             hashes[str(path.relative_to(root))] = hashlib.sha256(path.read_bytes()).hexdigest()
     return hashes
@@ -101,15 +112,15 @@ def require_decided(document: Document, root: Path) -> None:
     from antiosc.io.neutral import UNIT_SYSTEMS
 
     build = Builder(document)
-    parts = build.part("parts")
-    tables = {f"parts.{name}.": build.part(name, dict, parts) for name in parts}
+    parts = build.section("parts")
+    tables = {f"parts.{name}.": build.section(name, dict, parts) for name in parts}
     free = "drop" in build.data or ("parts" in build.data and "supports" in build.data)
     for at, part in (tables or {"": build.data}).items():
         section, key = ("deck", "path") if "deck" in part else ("geometry", "source")
-        table = build.part(section, dict, part)
+        table = build.section(section, dict, part)
         if not isinstance(table.get(key), str):
             continue  # the scene itself has the sentence for it
-        path = within(root, table[key], document.path.parent)
+        path = path_within(root, table[key], document.path.parent)
 
         choices: list[Any]
         if "unit" not in table and path.suffix.lower() not in ENDINGS_WITH_UNIT:
@@ -128,24 +139,24 @@ def require_decided(document: Document, root: Path) -> None:
 def look(root: Path, file: str, unit: str | None = None, piece: int | None = None) -> Answer:
     """Inspect a part: its pieces, faces, size, and a draft of a scene without guesses."""
     from antiosc_app.inspecting import inspect_part
-    from antiosc_app.skin import places
+    from antiosc_app.skin import face_places
 
-    path = within(root, file)
+    path = path_within(root, file)
     if not path.is_file():
         raise Refusal("path", f"there is no file {checks.shown(path.name)}.")
     part = inspect_part(path, unit=unit, piece=piece)
     scene, (shape, faces, _) = opened.first_scene(path, part)
-    draft, at = scene.sections, places(shape, list(faces))
-    section, key = ("deck", "path") if part.of_deck else ("geometry", "source")
+    draft, at = scene.sections, face_places(shape, list(faces))
+    section, key = ("deck", "path") if part.is_deck else ("geometry", "source")
     draft[section][key] = str(path.relative_to(root))
-    guessed = "unit" in part.read and unit is None
+    guessed = "unit" in part.read_options and unit is None
     if guessed:
         del draft[section]["unit"]
-    own = () if part.of_deck else ("material", "supports")
-    sides = zip("xyz", (part.high - part.low).tolist(), strict=True)
-    drawing = partial(new.draw, replace(part, held=np.zeros_like(part.held)))
+    own = () if part.is_deck else ("material", "supports")
+    sides = zip("xyz", (part.box_high - part.box_low).tolist(), strict=True)
+    drawing = partial(new.draw_part, replace(part, held=np.zeros_like(part.held)))
     return {
-        "text": "\n".join([f"{path.name}: {part.cells}, {part.sides_text()}.", *part.notes]),
+        "text": "\n".join([f"{path.name}: {part.cells_text}, {part.sides_text()}.", *part.notes]),
         "quantities": [quantity(f"size {x}", d, "m", "it is read from the file") for x, d in sides],
         "pieces": [{"low": one.low.tolist(), "high": one.high.tolist()} for one in part.pieces],
         "faces": [{"name": n, "at": at.get(n, ""), "support": one} for n, one in faces.items()],
@@ -162,7 +173,7 @@ def materials_named(_root: Path, query: str = "") -> Answer:
         sentence = f"no material is named {checks.shown(query)}."
         raise Refusal("material", sentence, "query", materials.names())
     told = []
-    for one, (key, unit) in product(found, CONSTANTS.items()):
+    for one, (key, unit) in product(found, CONSTANT_UNITS.items()):
         value = getattr(one, key)
         ends = one.yield_range if key == "yield_strength" else None
         bar = (value - ends[0], ends[1] - value) if ends else "its sources give one value"
@@ -174,9 +185,9 @@ def materials_named(_root: Path, query: str = "") -> Answer:
 def check(root: Path, scene: Document) -> Answer:
     """Check a scene: the commands that can run it; a mistake raises SceneFileError."""
     require_decided(scene, root)
-    calls = compiled(scene)
-    text = f"no mistakes found; for {', '.join(calls.does()) or 'nothing to run'}."
-    told = {"text": text, "quantities": [], "assumed": assumed(scene, calls)}
+    calls = compile_document(scene)
+    text = f"no mistakes found; for {', '.join(calls.runnable_commands()) or 'nothing to run'}."
+    told = {"text": text, "quantities": [], "assumed": assumptions(scene, calls)}
     return {**told, "cautions": list(map(str, calls.warnings))}, []
 
 
@@ -189,20 +200,22 @@ def study(
     """
     require_decided(scene, root)
     if command == "tradeoff":
-        made = report.results_of(*commands.compared(scene))
+        made = report.results_of(*commands.compare_methods(scene))
     else:
-        command = command or [*compiled(scene).does(), "antiosc run"][0].split()[1]
+        command = (
+            command or [*compile_document(scene).runnable_commands(), "antiosc run"][0].split()[1]
+        )
         made = commands.study_results(scene, commands.compiled_for(scene, command), command)
 
-    shown, parts = opened.summary(made), results.presentations(made)
+    shown, parts = opened.summary_data(made), results.presentations(made)
     hit = made.history or made.fall or (made.tradeoff and made.tradeoff.hit)
     told = {
         "text": shown["text"],
         "cards": [{"name": card[0], "text": card[1]} for card in shown["cards"]],
         "quantities": quantities(made),
-        "assumed": assumed(scene, made.compiled),
+        "assumed": assumptions(scene, made.compiled),
         "cautions": [*shown["cautions"], *shown["more"]],
-        "status": STATUS[getattr(hit, "status", 0)],
+        "status": STATUS_TEXTS[getattr(hit, "status", 0)],
     }
     if page is not None:
         report.write_page(made, parts, page)
@@ -212,10 +225,10 @@ def study(
 
 def report_of(root: Path, scene: Document, path: str, pictures: int = 1) -> Answer:
     """Compute a scene and write its report to the new file `path`."""
-    page = within(root, path)
+    page = path_within(root, path)
     if page.exists():
         raise Refusal("path", f"{checks.shown(path)} exists already, and is left as it is.")
-    return study("", root, scene, pictures, report.writable_path(str(page)))
+    return study("", root, scene, pictures, report.writable_report_path(str(page)))
 
 
 def explain(answers: dict[str, Table], result: str, quantity: str) -> tuple[Table, list[str]]:
@@ -235,23 +248,23 @@ def explain(answers: dict[str, Table], result: str, quantity: str) -> tuple[Tabl
     return {"status": "completed", "text": text, "quantities": found, "of": result}, []
 
 
-def assumed(document: Document, scene: Any) -> list[Table]:
+def assumptions(document: Document, scene: Any) -> list[Table]:
     """Each key that `document` leaves open, with the value taken and where it comes from."""
-    given = dict(values_in(document.data))
+    given = dict(leaf_values(document.data))
     chosen = {
-        label(place): {"value": value, "by": "the rule of auto"}
-        for place, value in values_in(scene.document.data)
+        place_text(place): {"value": value, "by": "the rule of auto"}
+        for place, value in leaf_values(scene.document.data)
         if given.get(place) != value
     }
     for call in calls_in([*vars(scene).values()]):
         section = schema.SECTIONS[str(call.place[0]) if call.place else "title"]
-        kinds = section.makes
+        kinds = section.callables
         for kind in kinds if len(kinds) == 1 else {call.name} & set(kinds):
-            defaults = inspect.signature(schema.resolved(kind)).parameters
-            keys = schema.parameters(kind).keys() & defaults.keys()
+            defaults = inspect.signature(schema.callable_of(kind)).parameters
+            keys = schema.parameters_of(kind).keys() & defaults.keys()
             for name in keys - call.arguments.keys() - set(section.given.split()):
-                value = live.plain(defaults[name].default)
-                chosen[label((*call.place, name))] = {"value": value, "by": "default"}
+                value = live.plain_json(defaults[name].default)
+                chosen[place_text((*call.place, name))] = {"value": value, "by": "default"}
     return [{"key": key, **one} for key, one in sorted(chosen.items())]
 
 
@@ -279,7 +292,11 @@ def answer(root: Path, tool: str, arguments: Table) -> tuple[Table, list[str]]:
         if "scene" in values:
             given = values["scene"]
             table = root / "scene.json", given, json.dumps(given, indent=1)
-            scene = read(within(root, given)) if isinstance(given, str) else checked(*table)
+            scene = (
+                read_document(path_within(root, given))
+                if isinstance(given, str)
+                else checked_document(*table)
+            )
             values["scene"], named, base = scene, scene.data, scene.path.parent
         inputs["files"] = hashes_of(base, named, root)
         told, views = TOOLS[tool][0](root, **values)
@@ -294,12 +311,12 @@ def answer(root: Path, tool: str, arguments: Table) -> tuple[Table, list[str]]:
         traceback.print_exc()
         fault = f"{type(error).__name__}: {error}".splitlines()[0]
         told = Refusal("fault", f"the call failed by a fault of antiosc: {fault}").told
-    common = {"tool": tool, "version": info.version(), "hash": hash_of(inputs)}
+    common = {"tool": tool, "version": info.antiosc_version(), "hash": sha256_of(inputs)}
     whole: Table = {"status": "completed"} | told | common
-    return {name: live.plain(value) for name, value in whole.items()}, drawn
+    return {name: live.plain_json(value) for name, value in whole.items()}, drawn
 
 
-def work(wire: Connection, root: Path, memory: int, tool: str, arguments: Table) -> None:
+def run_call(wire: Connection, root: Path, memory: int, tool: str, arguments: Table) -> None:
     """Main function of a call's process: send progress texts, and last the answer."""
     os.setsid()
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))

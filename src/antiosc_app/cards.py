@@ -26,7 +26,7 @@ from antiosc.extension import (
     unknown_dent,
     yield_share,
 )
-from antiosc_app.headline import force_bar, with_force
+from antiosc_app.headline import force_bar, with_force_error
 from antiosc_app.presentation import Card, Rows
 
 if TYPE_CHECKING:
@@ -34,14 +34,14 @@ if TYPE_CHECKING:
     from antiosc_studies.drops.fall import WorstField
 
 #: What a verdict is, from which its colour follows.
-SAFE, DENT, BENDS, UNKNOWN = "safe", "dent", "bends", "unknown"
+SAFE_TONE, DENT_TONE, BENDS_TONE, UNKNOWN_TONE = "safe", "dent", "bends", "unknown"
 #: The questions in the order in which they are answered.
-BREAKS = "does it break"
-FORCE = "largest force"
-FAR = "deflection"
-STRESS = "largest stress"
+BREAKS_QUESTION = "does it break"
+FORCE_QUESTION = "largest force"
+DEFLECTION_QUESTION = "deflection"
+STRESS_QUESTION = "largest stress"
 #: Most rows below the answers, and most cautions below these.
-MOST_ROWS, MOST_CAUTIONS = 8, 3
+MAX_ROWS, MAX_CAUTIONS = 8, 3
 
 
 def cards_of_history(
@@ -51,27 +51,32 @@ def cards_of_history(
     those on stress are "…".
     """
     force = force_bar(budget)
-    hard = Card(FORCE, _with_bar(hit, budget, "peak_force"))
-    far = Card(FAR, deflection_text(hit, budget))
+    hard = Card(FORCE_QUESTION, _text_with_bar(hit, budget, "peak_force"))
+    far = Card(DEFLECTION_QUESTION, deflection_text(hit, budget))
     if fields is None:
-        return [Card(BREAKS, "…"), hard, far, Card(STRESS, "…")]
+        return [Card(BREAKS_QUESTION, "…"), hard, far, Card(STRESS_QUESTION, "…")]
 
     has_bar = force is not None
     judged = [
-        (with_force(peak.worst_point, force), peak.exposure is not None)
+        (with_force_error(peak.worst_point, force), peak.exposure is not None)
         for peak in fields.values()
         if peak.worst_point is not None
     ]
     margins = [margin for margin, has_strength in judged if has_strength]
     stress = stress_text([margin for margin, _ in judged], has_bar=has_bar)
-    return [verdict(margins, dent_of(hit), has_bar=has_bar), hard, far, Card(STRESS, stress)]
+    return [
+        verdict_card(margins, dent_depth(hit), has_bar=has_bar),
+        hard,
+        far,
+        Card(STRESS_QUESTION, stress),
+    ]
 
 
 def cards_of_fall(fall: Fall, worst: WorstField | None) -> list[Card]:
     """The four answers of a fall, with the largest shock in place of the deflection."""
     hardest = fall.hardest
     if hardest is None:
-        return [Card(BREAKS, f"{capitalised(fall.message)}.", SAFE)]
+        return [Card(BREAKS_QUESTION, f"{capitalised(fall.message)}.", SAFE_TONE)]
     impact = fall.impacts[hardest]
     force = engineering(impact.peak_force, "N")
     bar = f" ± {percent(impact.law_error)}" if impact.law_error else " (no error bar)"
@@ -79,17 +84,17 @@ def cards_of_fall(fall: Fall, worst: WorstField | None) -> list[Card]:
 
     judged = worst is not None and worst.exposure is not None
     error = bar_of_fall(fall, worst) if worst is not None and judged else None
-    margins = [with_force(worst.margin(), error)] if worst is not None and judged else []
+    margins = [with_force_error(worst.margin(), error)] if worst is not None and judged else []
     dent = float(max(fall.dents, default=0.0))
     return [
-        verdict(margins, dent, has_bar=error is not None),
-        Card(FORCE, f"{force}{bar}, impact {hardest + 1} of {len(fall.impacts)}"),
+        verdict_card(margins, dent, has_bar=error is not None),
+        Card(FORCE_QUESTION, f"{force}{bar}, impact {hardest + 1} of {len(fall.impacts)}"),
         Card("largest shock", f"{plain(shock, 3)} g of the centre of mass"),
-        Card(STRESS, stress_text(margins, has_bar=error is not None)),
+        Card(STRESS_QUESTION, stress_text(margins, has_bar=error is not None)),
     ]
 
 
-def dent_of(hit: History) -> float | None:
+def dent_depth(hit: History) -> float | None:
     """Depth of the dent [m]; None if it is not known whether the contact yields."""
     if hit.dent is not None:
         return float(hit.dent.depth)
@@ -97,30 +102,36 @@ def dent_of(hit: History) -> float | None:
     return None if share is None or share > 1 or unknown_dent(hit) else 0.0
 
 
-def verdict(margins: Sequence[Margin], dent: float | None, *, has_bar: bool) -> Card:
+def verdict_card(margins: Sequence[Margin], dent: float | None, *, has_bar: bool) -> Card:
     """Whether the part breaks, by its largest exposure within error bars and the dent's depth [m].
 
     `has_bar`: whether the force has an error bar. A stress whose bar reaches the strength because
     of coarse cells decides nothing: the answer then asks for finer cells.
     """
     if not margins:
-        return Card(BREAKS, "Cannot say: no strength or no stress of the part is known.", UNKNOWN)
+        return Card(
+            BREAKS_QUESTION,
+            "Cannot say: no strength or no stress of the part is known.",
+            UNKNOWN_TONE,
+        )
     worst = max(margins, key=lambda margin: margin.bounds[1])
     told = judged_text(worst, has_bar=has_bar)
     answer = capitalised(worst.answer)
     if worst.answer == "cannot say":
-        return Card(BREAKS, f"{answer}: {told}; {worst.remedy}.", UNKNOWN)
+        return Card(BREAKS_QUESTION, f"{answer}: {told}; {worst.remedy}.", UNKNOWN_TONE)
     if worst.answer != ELASTIC:
-        return Card(BREAKS, f"{answer}: {told}.", BENDS)
+        return Card(BREAKS_QUESTION, f"{answer}: {told}.", BENDS_TONE)
     if not has_bar:
-        return Card(BREAKS, f"Cannot say: the stress has no error bar, {told}.", UNKNOWN)
+        return Card(
+            BREAKS_QUESTION, f"Cannot say: the stress has no error bar, {told}.", UNKNOWN_TONE
+        )
     if dent is None:
         text = f"{answer} away from the contact, {told}; of a dent nothing is known."
-        return Card(BREAKS, text, UNKNOWN)
+        return Card(BREAKS_QUESTION, text, UNKNOWN_TONE)
     if dent > 0:
         text = f"A dent of {engineering(dent, 'm')} remains; elsewhere {worst.answer}, {told}."
-        return Card(BREAKS, text, DENT)
-    return Card(BREAKS, f"{answer}: {told}.", SAFE)
+        return Card(BREAKS_QUESTION, text, DENT_TONE)
+    return Card(BREAKS_QUESTION, f"{answer}: {told}.", SAFE_TONE)
 
 
 def judged_text(margin: Margin, *, has_bar: bool) -> str:
@@ -130,11 +141,11 @@ def judged_text(margin: Margin, *, has_bar: bool) -> str:
             return f"exposure {margin.exposure:.2g} without a bar, failure from 1"
         low, high = margin.bounds
         return f"exposure {low:.2g} to {high:.2g}, failure from 1"
-    bar = f" ({range_of(margin)})" if has_bar else ""
+    bar = f" ({range_text_of(margin)})" if has_bar else ""
     return f"{engineering(margin.value, 'Pa')}{bar} of {engineering(margin.strength, 'Pa')}"
 
 
-def range_of(margin: Margin) -> str:
+def range_text_of(margin: Margin) -> str:
     """Text of the smallest and the largest stress within the error bar."""
     if not margin.has_bar:
         return "no bar"
@@ -148,7 +159,7 @@ def stress_text(margins: Sequence[Margin], *, has_bar: bool) -> str:
     if not stresses:
         return "not known"
     worst = max(stresses, key=lambda margin: margin.exposure)
-    bar = range_of(worst) if has_bar else "no error bar"
+    bar = range_text_of(worst) if has_bar else "no error bar"
     return f"{engineering(worst.value, 'Pa')} ({bar}) at {point_text(worst.point)}"
 
 
@@ -167,24 +178,24 @@ def rows_of_history(
     e = hit.restitution
     rebound = "not defined" if e is None else restitution_text(e)
     rows = [
-        ("contact time", _with_bar(hit, budget, "contact_time")),
+        ("contact time", _text_with_bar(hit, budget, "contact_time")),
         ("contacts", hit.count_text),
         ("restitution", budget.shown_restitution(e) if budget else rebound),
-        ("impulse", _with_bar(hit, budget, "impulse")),
+        ("impulse", _text_with_bar(hit, budget, "impulse")),
     ]
-    if dent := dent_of(hit):
+    if dent := dent_depth(hit):
         rows.append(("dent", engineering(dent, "m")))
-    return rows + _mesh_rounds((fields or {}).values())
+    return rows + _mesh_round_rows((fields or {}).values())
 
 
 def rows_of_fall(fall: Fall, worst: WorstField | None = None) -> Rows:
     """Rows (name, text) below the answers of a fall: number of impacts, lost energy."""
     lost = float(fall.impacts.column("lost").sum()) if len(fall.impacts) else 0.0
     rows = [("impacts", f"{len(fall.impacts)}"), ("lost in all", engineering(lost, "J"))]
-    return rows + _mesh_rounds([] if worst is None else [worst])
+    return rows + _mesh_round_rows([] if worst is None else [worst])
 
 
-def _mesh_rounds(fields: Iterable[PeakField]) -> Rows:
+def _mesh_round_rows(fields: Iterable[PeakField]) -> Rows:
     """Rows (name, text) on the mesh refinements that brought stresses to a tolerance."""
     told = dict.fromkeys(field.rounds for field in fields if field.rounds)
     return [("stress mesh", rounds) for rounds in told]
@@ -196,13 +207,13 @@ def bar_of_fall(fall: Fall, worst: WorstField) -> float | None:
     return fall.impacts[number - 1 if number else int(worst.impact[worst.judged])].law_error
 
 
-def cautions(first: str, warnings: Iterable[str]) -> list[str]:
-    """`first` and those `warnings` that question the numbers, by weight, without repetitions."""
+def listed_cautions(first_caution: str, warnings: Iterable[str]) -> list[str]:
+    """`first_caution`, and those `warnings` that question the numbers, by weight, each once."""
     told = [capitalised(str(one)) for one in by_weight(list(warnings)) if weight(one) < NOTE]
-    return [one for one in dict.fromkeys([first, *told]) if one]
+    return [one for one in dict.fromkeys([first_caution, *told]) if one]
 
 
-def _with_bar(hit: History, budget: ErrorBudget | None, name: str) -> str:
+def _text_with_bar(hit: History, budget: ErrorBudget | None, name: str) -> str:
     """Text of the quantity `name` of an impact with its error bar."""
     if budget:
         return budget.shown(name, 3)

@@ -17,7 +17,7 @@ from antiosc.base.progress import print_text
 from antiosc_app import info
 
 #: Command -> its description.
-COMMANDS = {
+COMMAND_TEXTS = {
     "new": "look at a part and write a scene that runs: antiosc new PART, or new FILE PART",
     "open": "click a part in the browser and strike it: antiosc open PART",
     "check": "look for mistakes in a scene file, without meshing",
@@ -38,8 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         try:
-            with _exit_on_sigterm(), warnings_to(_WarningPrinter().tell):
-                return _run(arguments)
+            with _exit_on_sigterm(), warnings_to(_WarningPrinter().print_once):
+                return _run_command(arguments)
         finally:
             if sys.stdout is not None:
                 sys.stdout.flush()  # what is left for the end of Python would raise there
@@ -57,7 +57,7 @@ class _WarningPrinter:
     def __init__(self) -> None:
         self._told: set[str] = set()
 
-    def tell(self, message: str) -> None:
+    def print_once(self, message: str) -> None:
         """Print a warning, unless it was printed before."""
         if message not in self._told:
             self._told.add(str(message))
@@ -68,21 +68,21 @@ class _WarningPrinter:
 def _exit_on_sigterm() -> Iterator[None]:
     """Exit on SIGTERM as on Ctrl-C, with code 143, so that temporary files are removed."""
 
-    def end(number: int, _frame: FrameType | None) -> None:
+    def exit_143(number: int, _frame: FrameType | None) -> None:
         signal.signal(number, signal.SIG_IGN)  # `timeout` sends it twice
         sys.exit(128 + number)
 
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    previous_handler = signal.signal(signal.SIGTERM, end)
+    previous_handler = signal.signal(signal.SIGTERM, exit_143)
     try:
         yield
     finally:
         signal.signal(signal.SIGTERM, previous_handler)
 
 
-def _run(arguments: Sequence[str] | None) -> int:
+def _run_command(arguments: Sequence[str] | None) -> int:
     """Run the command that the arguments name; returns the exit code."""
     parser = _parser()
     options = parser.parse_args(arguments)
@@ -103,65 +103,65 @@ def _run(arguments: Sequence[str] | None) -> int:
 Argument = tuple[str, dict[str, Any]]
 
 
-def _argument(name: str, help: str, metavar: str | None = None, **options: Any) -> Argument:
+def _argument_of(name: str, help: str, metavar: str | None = None, **options: Any) -> Argument:
     """The name and options of an argument, for `add_argument`."""
     given = {} if metavar is None else {"metavar": metavar}
     return name, {"help": help, **given, **options}
 
 
-FILE = _argument("file", "the scene file, such as scene.toml", "FILE")
-ABOUT_REPORT = "write a report: one page, one file (without a name: that of the scene, .html)"
-REPORT = _argument("--report", ABOUT_REPORT, "OUT.html", nargs="?", const="")
+FILE_ARGUMENT = _argument_of("file", "the scene file, such as scene.toml", "FILE")
+REPORT_TEXT = "write a report: one page, one file (without a name: that of the scene, .html)"
+REPORT_ARGUMENT = _argument_of("--report", REPORT_TEXT, "OUT.html", nargs="?", const="")
 STUDY_ARGUMENTS = [
-    FILE,
-    _argument("--out", "where the files of [output] go", "FOLDER"),
-    REPORT,
-    _argument("--verbose", "tell how it is computed, too", action="store_true"),
+    FILE_ARGUMENT,
+    _argument_of("--out", "where the files of [output] go", "FOLDER"),
+    REPORT_ARGUMENT,
+    _argument_of("--verbose", "tell how it is computed, too", action="store_true"),
 ]
-ABOUT_PIECE = "of a part in several pieces the one that is read alone, 1 the largest"
+PIECE_TEXT = "of a part in several pieces the one that is read alone, 1 the largest"
 READING_ARGUMENTS = [
-    _argument("--unit", "of the file, as mm, in or m", "UNIT"),
-    _argument("--size", "largest cell of the mesh", "METRES", type=float),
-    _argument("--piece", ABOUT_PIECE, "NUMBER", type=int),
+    _argument_of("--unit", "of the file, as mm, in or m", "UNIT"),
+    _argument_of("--size", "largest cell of the mesh", "METRES", type=float),
+    _argument_of("--piece", PIECE_TEXT, "NUMBER", type=int),
 ]
-ABOUT_COMPARE = "run the unreduced model too, if it takes at most so long"
+COMPARE_TEXT = "run the unreduced model too, if it takes at most so long"
 #: Command -> its arguments.
-ARGUMENTS: dict[str, list[Argument]] = {
+COMMAND_ARGUMENTS: dict[str, list[Argument]] = {
     "new": [
-        _argument("file", "the scene file (default: scene.toml)", "FILE", nargs="?"),
-        _argument("part", "the mesh, CAD file or deck", "PART", nargs="?"),
-        _argument("--drop", "a fall of PART onto a floor, not an impact", action="store_true"),
-        _argument("--material", "of `antiosc materials` (default: steel S235)", "NAME"),
+        _argument_of("file", "the scene file (default: scene.toml)", "FILE", nargs="?"),
+        _argument_of("part", "the mesh, CAD file or deck", "PART", nargs="?"),
+        _argument_of("--drop", "a fall of PART onto a floor, not an impact", action="store_true"),
+        _argument_of("--material", "of `antiosc materials` (default: steel S235)", "NAME"),
         *READING_ARGUMENTS,
     ],
     "open": [
-        _argument("part", "the mesh, CAD file or deck", "PART"),
-        _argument("--no-browser", "print the address alone", action="store_true"),
+        _argument_of("part", "the mesh, CAD file or deck", "PART"),
+        _argument_of("--no-browser", "print the address alone", action="store_true"),
         *READING_ARGUMENTS,
-        _argument("--contact", "what becomes of that of a deck", choices=("tied", "apart")),
+        _argument_of("--contact", "what becomes of that of a deck", choices=("tied", "apart")),
     ],
-    "check": [FILE],
+    "check": [FILE_ARGUMENT],
     "run": STUDY_ARGUMENTS,
     "sweep": STUDY_ARGUMENTS,
     "monte-carlo": STUDY_ARGUMENTS,
     "map": STUDY_ARGUMENTS,
     "tradeoff": [
-        FILE,
-        _argument("--tol", "relative error of interest (default: of [strike])", type=float),
-        _argument("--limit", "make no mesh that ends later", "SECONDS", type=float),
-        _argument("--chart", "draw error against seconds", "OUT.png"),
-        _argument("--compare", ABOUT_COMPARE, "SECONDS", type=float),
-        REPORT,
+        FILE_ARGUMENT,
+        _argument_of("--tol", "relative error of interest (default: of [strike])", type=float),
+        _argument_of("--limit", "make no mesh that ends later", "SECONDS", type=float),
+        _argument_of("--chart", "draw error against seconds", "OUT.png"),
+        _argument_of("--compare", COMPARE_TEXT, "SECONDS", type=float),
+        REPORT_ARGUMENT,
     ],
     "export": [
-        FILE,
-        _argument("out", "the file to write, .fmu or .c", "OUT"),
-        _argument("--fmi", "version of an FMU", type=int, choices=(2, 3), default=2),
+        FILE_ARGUMENT,
+        _argument_of("out", "the file to write, .fmu or .c", "OUT"),
+        _argument_of("--fmi", "version of an FMU", type=int, choices=(2, 3), default=2),
     ],
     "mcp": [
-        _argument("folder", "files are read and written below it alone", "FOLDER"),
-        _argument("--seconds", "longest call", "SECONDS", type=float, default=600.0),
-        _argument("--gigabytes", "largest memory of a call", "GB", type=float, default=8.0),
+        _argument_of("folder", "files are read and written below it alone", "FOLDER"),
+        _argument_of("--seconds", "longest call", "SECONDS", type=float, default=600.0),
+        _argument_of("--gigabytes", "largest memory of a call", "GB", type=float, default=8.0),
     ],
 }
 
@@ -174,32 +174,32 @@ def _parser() -> argparse.ArgumentParser:
         epilog="To begin: antiosc open part.step, in the browser; or antiosc new part.step, which"
         " writes a scene file (docs/scene_files.md).",
     )
-    parser.add_argument("--version", action="version", version=f"antiosc {info.version()}")
+    parser.add_argument("--version", action="version", version=f"antiosc {info.antiosc_version()}")
     commands = parser.add_subparsers(title="commands", metavar="command")
 
-    for name, about in COMMANDS.items():
+    for name, about in COMMAND_TEXTS.items():
         command = commands.add_parser(name, help=about, description=f"{about.capitalize()}.")
-        command.set_defaults(run=_mcp if name == "mcp" else _on_scene_file, command=name)
-        for argument, options in ARGUMENTS[name]:
+        command.set_defaults(run=_run_mcp if name == "mcp" else _run_scene_command, command=name)
+        for argument, options in COMMAND_ARGUMENTS[name]:
             command.add_argument(argument, **options)
 
     materials_parser = commands.add_parser("materials", help="list the materials that have a name")
     about_name = "only those with this in it"
     materials_parser.add_argument("name", metavar="NAME", nargs="?", help=about_name)
-    materials_parser.set_defaults(run=_materials)
+    materials_parser.set_defaults(run=_run_materials)
     of_info = "versions, how to get what is missing; exit code 1 if meshes do not work"
-    commands.add_parser("info", help=of_info).set_defaults(run=_info)
+    commands.add_parser("info", help=of_info).set_defaults(run=_run_info)
     return parser
 
 
-def _on_scene_file(options: argparse.Namespace) -> int:
+def _run_scene_command(options: argparse.Namespace) -> int:
     """Run a command of `antiosc_app.commands`; returns the exit code."""
-    from antiosc_app.commands import guarded
+    from antiosc_app.commands import run_guarded
 
-    return guarded(options)
+    return run_guarded(options)
 
 
-def _mcp(options: argparse.Namespace) -> int:
+def _run_mcp(options: argparse.Namespace) -> int:
     """Run `antiosc mcp` until the assistant closes the streams; returns the exit code."""
     from antiosc_app.agents import serve
 
@@ -207,7 +207,7 @@ def _mcp(options: argparse.Namespace) -> int:
     return 0
 
 
-def _materials(options: argparse.Namespace) -> int:
+def _run_materials(options: argparse.Namespace) -> int:
     """Run `antiosc materials`; returns the exit code."""
     from antiosc.base import materials
 
@@ -226,7 +226,7 @@ def _materials(options: argparse.Namespace) -> int:
     return 0
 
 
-def _info(_options: argparse.Namespace) -> int:
+def _run_info(_options: argparse.Namespace) -> int:
     """Run `antiosc info`; returns the exit code, 1 if meshes do not work."""
-    print(info.report())
-    return 0 if info.meshes_work() else 1
+    print(info.info_text())
+    return 0 if info.meshing_works() else 1

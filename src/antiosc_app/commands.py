@@ -17,23 +17,23 @@ from antiosc.base.progress import print_text
 from antiosc.base.texts import STOPPED, plain
 from antiosc.extension import probed_point
 from antiosc_app import new, report, results
-from antiosc_app.kept import Kept
+from antiosc_app.kept import PartCache
 from antiosc_app.scene_file import run
 from antiosc_app.scene_file.build import Call, Evaluation
-from antiosc_app.scene_file.compiled import compiled
-from antiosc_app.scene_file.document import Document, Table, read
-from antiosc_app.scene_file.scene import STUDIES, CompiledScene, place_of
-from antiosc_app.scene_file.settled import Settled, settled
+from antiosc_app.scene_file.compiled import compile_document
+from antiosc_app.scene_file.document import Document, Table, read_document
+from antiosc_app.scene_file.scene import COMMAND_STUDIES, CompiledScene, place_arguments
+from antiosc_app.scene_file.settled import SettledScene, settle
 
 if TYPE_CHECKING:
     from antiosc.extension import Tradeoff, TradeoffMember
 
 
-def guarded(options: Namespace) -> int:
+def run_guarded(options: Namespace) -> int:
     """Run a command and return its exit code; an unforeseen error ends all MPI ranks."""
     try:
-        if options.command in STUDIES:
-            return _study(options)
+        if options.command in COMMAND_STUDIES:
+            return _run_study(options)
         return _COMMANDS[options.command](options)
     except AntioscError:
         raise
@@ -46,7 +46,7 @@ def guarded(options: Namespace) -> int:
         raise
 
 
-def _new(options: Namespace) -> int:
+def _run_new(options: Namespace) -> int:
     """Run `antiosc new`; returns the exit code."""
     file = options.file
     part = options.part
@@ -61,37 +61,38 @@ def _new(options: Namespace) -> int:
     return 0
 
 
-def _open(options: Namespace) -> int:
+def _run_open(options: Namespace) -> int:
     """Run `antiosc open`; returns the exit code."""
     from antiosc_app import view
 
     names = ("unit", "size", "piece", "contact")
     given = {name: getattr(options, name) for name in names}
-    view.until_interrupted(options.part, not options.no_browser, **given)
+    view.serve_until_interrupted(options.part, not options.no_browser, **given)
     return 0
 
 
-def _check(options: Namespace) -> int:
+def _run_check(options: Namespace) -> int:
     """Run `antiosc check`; returns the exit code."""
-    scene = compiled(read(options.file))
+    scene = compile_document(read_document(options.file))
     sentences = map(labelled, scene.warnings)
     print_text(
-        f"{options.file}: no mistakes found; for {', '.join(scene.does()) or 'nothing to run'}."
+        f"{options.file}: no mistakes found; "
+        f"for {', '.join(scene.runnable_commands()) or 'nothing to run'}."
     )
     for sentence in sentences:
         print_text(f"{options.file}: {sentence}")
     return 0
 
 
-def _export(options: Namespace) -> int:
+def _run_export(options: Namespace) -> int:
     """Run `antiosc export`; returns the exit code."""
     from antiosc_app.export import ending_of
 
     ending_of(options.out)
-    scene, evaluate = settled(read(options.file))
+    scene, evaluate = settle(read_document(options.file))
     source = scene.scene or scene.model
     options_of_run = {} if scene.history is None else scene.history.arguments
-    if scene.striking:
+    if scene.is_strike:
         source = Call(lambda history: history.model, {"history": scene.history})
     if source is None:
         raise InputError(
@@ -114,25 +115,25 @@ def _export(options: Namespace) -> int:
 
 
 #: Tolerance of a trade-off if neither the command nor [strike] gives one.
-USUAL_TOL = 0.02
+DEFAULT_TOL = 0.02
 #: What its bars are of.
-ABOUT_BARS = (
+BARS_TEXT = (
     "force, all: bars without the error of the contact law; all, to finest: the largest of those of"
     " peak force, impulse and contact time."
 )
 #: Sections that have no place beside [strike]; keys that it shares with [simulate].
-NOT_STRUCK = {"extract", "simulate", "sweep", "map", "monte_carlo", "probes", "stress"}
-SHARED_KEYS = {"duration", "initial_velocity", "gravity", "gap"}
+EXCLUDED_BY_STRIKE = {"extract", "simulate", "sweep", "map", "monte_carlo", "probes", "stress"}
+STRIKE_KEYS = {"duration", "initial_velocity", "gravity", "gap"}
 
 
-def _tradeoff(options: Namespace) -> int:
+def _run_tradeoff(options: Namespace) -> int:
     """Run `antiosc tradeoff`; returns the exit code."""
     start = time.perf_counter()
     page = _report_path(options)
     given = {name: getattr(options, name) for name in ("tol", "compare", "limit")}
     given = {name: value for name, value in given.items() if value is not None}
-    scene, tradeoff = compared(read(options.file), True, **given)
-    print_text(f"\n{tradeoff.summary()}\n{ABOUT_BARS}\n{tradeoff.message}")
+    scene, tradeoff = compare_methods(read_document(options.file), True, **given)
+    print_text(f"\n{tradeoff.summary()}\n{BARS_TEXT}\n{tradeoff.message}")
     for sentence in scene.warnings:
         print_text(labelled(sentence), sys.stderr)
     if options.chart is not None:
@@ -147,29 +148,29 @@ def _tradeoff(options: Namespace) -> int:
     return 0
 
 
-def compared(
-    document: Document, told: bool = False, **given: object
+def compare_methods(
+    document: Document, print_methods: bool = False, **tradeoff_options: object
 ) -> tuple[CompiledScene, Tradeoff]:
     """(compiled scene, trade-off of its impact).
 
-    `told`: print each method once it has run; `given`: arguments of `tradeoff` instead of the
-    scene's.
+    `print_methods`: print each method once it has run; `tradeoff_options`: arguments of `tradeoff`
+    instead of the scene's.
     """
-    scene = compiled(to_a_tolerance(settled(document).scene.document))
-    arguments = {**tradeoff_arguments(scene, str(document.path)), **given}
+    scene = compile_document(with_strike(settle(document).scene.document))
+    arguments = {**tradeoff_arguments(scene, str(document.path)), **tradeoff_options}
     from antiosc.extension import line_of  # needs dolfinx
 
-    def ready(member: TradeoffMember) -> None:
+    def print_member(member: TradeoffMember) -> None:
         print_text(line_of(member.cells()))
 
-    if told:
+    if print_methods:
         print_text(f"As they are computed:\n{line_of()}")
-        arguments["ready"] = ready
+        arguments["ready"] = print_member
     with run.collected_warnings(scene.warnings):
         return scene, Evaluation(scene.document)(Call(antiosc.tradeoff, arguments))
 
 
-def to_a_tolerance(document: Document) -> Document:
+def with_strike(document: Document) -> Document:
     """The scene with [strike] in place of [extract] and [simulate], if its mesh can be refined."""
     data = document.data
     simulated = data.get("simulate")
@@ -181,14 +182,14 @@ def to_a_tolerance(document: Document) -> Document:
         or len(data.get("sites", ())) != 1
     ):
         return document
-    common = {name: value for name, value in simulated.items() if name in SHARED_KEYS}
-    sections = {name: value for name, value in data.items() if name not in NOT_STRUCK}
-    return replace(document, data={**sections, "strike": {"tol": USUAL_TOL, **common}})
+    common = {name: value for name, value in simulated.items() if name in STRIKE_KEYS}
+    sections = {name: value for name, value in data.items() if name not in EXCLUDED_BY_STRIKE}
+    return replace(document, data={**sections, "strike": {"tol": DEFAULT_TOL, **common}})
 
 
 def tradeoff_arguments(scene: CompiledScene, path: str) -> Table:
     """The arguments of `tradeoff` for a scene's impact; InputError names `path` without one."""
-    if scene.striking and scene.history is not None:
+    if scene.is_strike and scene.history is not None:
         return scene.history.arguments
     model = scene.model
     history = scene.history
@@ -201,59 +202,61 @@ def tradeoff_arguments(scene: CompiledScene, path: str) -> Table:
     options = ("impactor", "contact", "duration", "initial_velocity", "gravity", "gap")
     common = {name: arguments[name] for name in options if name in arguments}
     site = model.arguments["site"]
-    return {"source": scene.structure, "site": site, "tol": USUAL_TOL, **common}
+    return {"source": scene.structure, "site": site, "tol": DEFAULT_TOL, **common}
 
 
 def _report_path(options: Namespace) -> Path | None:
     """The path of --report, by default the scene's name with .html; None without --report."""
     if options.report is None:
         return None
-    return report.writable_path(options.report or str(Path(options.file).with_suffix(".html")))
+    return report.writable_report_path(
+        options.report or str(Path(options.file).with_suffix(".html"))
+    )
 
 
-def _check_probes(begun: Settled) -> None:
+def _check_probes(begun: SettledScene) -> None:
     """Raise InputError for a probe off the structure, before the impact is computed."""
     scene, evaluate = begun
     for call in scene.probes.values():
         if call is None or scene.structure is None:
             continue
-        given = {"structure": scene.structure, **place_of(call)}
+        given = {"structure": scene.structure, **place_arguments(call)}
         evaluate(Call(probed_point, given, call.place))
 
 
 def compiled_for(document: Document, command: str) -> CompiledScene:
     """The compiled scene of a document; InputError if it lacks what `command` computes."""
-    scene = compiled(document)
-    study = STUDIES[command]
+    scene = compile_document(document)
+    study = COMMAND_STUDIES[command]
     if getattr(scene, study.result) is None:
-        raise InputError(f"{document.path} has {study.lacking}.")
+        raise InputError(f"{document.path} has {study.missing_message}.")
     return scene
 
 
 def study_results(document: Document, scene: CompiledScene, command: str) -> run.SceneResults:
     """The results of `command` for a document and its compiled scene."""
-    begun = Settled(scene, Kept().evaluation(scene.document))
-    first = run.results(scene, ("structure",), begun.evaluate)
+    begun = SettledScene(scene, PartCache().cached_evaluation(scene.document))
+    first = run.make_results(scene, ("structure",), begun.evaluation)
     scene.warnings[:] = first.warnings
     _check_probes(begun)
-    scene, evaluate = settled(document, begun)
-    return run.results(scene, STUDIES[command].makes, evaluate)
+    scene, evaluate = settle(document, begun)
+    return run.make_results(scene, COMMAND_STUDIES[command].made_fields, evaluate)
 
 
-def _study(options: Namespace) -> int:
+def _run_study(options: Namespace) -> int:
     """Run `antiosc run`, `sweep`, `map` or `monte-carlo`; returns the exit code."""
-    document = read(options.file)
+    document = read_document(options.file)
     scene = compiled_for(document, options.command)
     page = _report_path(options)
     # --out, or a folder named after a scene that has [output]
     target = f"{Path(options.file).stem}_out" if scene.output is not None else None
     target = target if options.out is None else options.out
-    folder = None if target is None else report.folder(target)
+    folder = None if target is None else report.created_folder(target)
     computed = study_results(document, scene, options.command)
     # what structures hold is asked on every rank, and written on the first
     parts = results.presentations(computed)
     is_brief = not options.verbose and any(part.answers for part in parts)
-    print_text((results.text if options.verbose else results.answer)(computed, parts))
+    print_text((results.long_text if options.verbose else results.short_text)(computed, parts))
     told = len(computed.warnings) if is_brief else 0
     written = [] if folder is None else report.write_output(computed, parts, folder)
     if page is not None:
@@ -262,15 +265,21 @@ def _study(options: Namespace) -> int:
         print_text(labelled(sentence), sys.stderr)
     if written:
         print_text("wrote " + ", ".join(str(path) for path in written))
-    return int(_stopped_early(computed))
+    return int(_is_stopped_early(computed))
 
 
-def _stopped_early(computed: run.SceneResults) -> bool:
+def _is_stopped_early(computed: run.SceneResults) -> bool:
     """Whether the run, or one impact of a sweep, stopped before its end."""
     statuses = () if computed.batch is None else computed.batch.facts["status"]
     return STOPPED in (getattr(computed.history, "status", 0), *statuses)
 
 
 _COMMANDS = {
-    **{"new": _new, "open": _open, "check": _check, "tradeoff": _tradeoff, "export": _export},
+    **{
+        "new": _run_new,
+        "open": _run_open,
+        "check": _run_check,
+        "tradeoff": _run_tradeoff,
+        "export": _run_export,
+    },
 }

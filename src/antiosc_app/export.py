@@ -12,10 +12,10 @@ from antiosc.base.errors import InputError
 from antiosc.extension import SceneParts
 from antiosc.models.body import AUTO, AnyLaw, checked_body, is_auto, law_of
 from antiosc_app.fmu import write_c, write_fmu
-from antiosc_app.run_data import model_run, scene_run
+from antiosc_app.run_data import run_of_model, run_of_scene
 
 #: Ending -> function that writes an impact or a port.
-_RUNS: dict[str, Callable[..., None]] = {".fmu": write_fmu, ".c": write_c}
+_WRITERS: dict[str, Callable[..., None]] = {".fmu": write_fmu, ".c": write_c}
 
 
 def export(
@@ -67,32 +67,32 @@ def export(
     target = Path(file)
     if duration is not None:
         duration = checks.positive("duration", duration, "s")
-    scene = _scene(exported, impactor, contact, initial_velocity, gravity, gap)
+    scene = _scene_parts(exported, impactor, contact, initial_velocity, gravity, gap)
 
     tol = checks.tolerance(tol)
     if scene is not None:
-        data = scene_run(scene, duration, tol, without_body=scene is not exported)
+        data = run_of_scene(scene, duration, tol, without_body=scene is not exported)
     else:
-        data = model_run(exported)
+        data = run_of_model(exported)
 
     options = {"fmi": checks.choice("fmi", fmi, (2, 3))} if ending == ".fmu" else {}
-    _RUNS[ending](target, data, **options)
+    _WRITERS[ending](target, data, **options)
 
 
 def ending_of(path: str | os.PathLike[str]) -> str:
     """The ending of a file that can be written (".fmu", ".c"); InputError for others."""
     target = Path(checks.path("path", path))
     ending = target.suffix.lower()
-    if ending not in _RUNS:
+    if ending not in _WRITERS:
         raise InputError(f"export writes files that end in .fmu or .c; got {target.name!r}.")
     return ending
 
 
-def _scene(
+def _scene_parts(
     source: LinearBody | SceneParts,
     impactor: LinearBody | None,
     contact: AnyLaw | None,
-    initial: float | Motion,
+    initial_velocity: float | Motion,
     gravity: float | Sequence[float],
     gap: float | None,
 ) -> SceneParts | None:
@@ -105,14 +105,14 @@ def _scene(
         raise InputError("a Scene has its bodies and contacts; give no impactor with it.")
 
     law = law_of(AUTO if contact is None else contact, source, impactor)
-    if not isinstance(initial, Motion):  # a number > 0 closes the gap
-        initial = -checks.number("initial_velocity", initial, "m/s")
+    if not isinstance(initial_velocity, Motion):  # a number > 0 closes the gap
+        initial_velocity = -checks.number("initial_velocity", initial_velocity, "m/s")
         modes = checked_body("model", source).modal()
         if modes.direction is not None and modes.inertia is not None:
-            initial = Motion(tuple(float(initial * x) for x in modes.direction))
+            initial_velocity = Motion(tuple(float(initial_velocity * x) for x in modes.direction))
     return Scene(
         {"structure": source, "impactor": impactor},
         [Contact("structure", "impactor", law, gap)],
         gravity=gravity,
-        motion={} if initial == 0 else {"structure": initial},
+        motion={} if initial_velocity == 0 else {"structure": initial_velocity},
     )

@@ -14,19 +14,19 @@ from antiosc.base.texts import capitalised, engineering, percent, plain, point_t
 from antiosc_app.cards import bar_of_fall
 from antiosc_app.headline import WIDE_BAR, stress_sentences
 from antiosc_app.live import Data
-from antiosc_app.live_meshes import geometry, surface
+from antiosc_app.live_meshes import geometry_data, surface_of_cells
 from antiosc_studies.drops.fall import WorstField
 from antiosc_studies.drops.impacts import force_of
 from antiosc_studies.drops.pictures import at, surface_of
 
 #: Number of times at which the page shows the part in one flight at most.
-FRAMES_OF_FLIGHT = 40
+MAX_FLIGHT_FRAMES = 40
 #: Number of times at which the page shows the part in all.
-FRAMES = 300
+FRAME_COUNT = 300
 #: Number of samples of a force.
-FORCE_SAMPLES = 800
+FORCE_SAMPLE_COUNT = 800
 #: Numbers of an impact, and their units.
-NUMBERS = (
+IMPACT_UNITS = (
     ("peak_force", "N"), ("contact_time", "s"), ("impulse", "N s"), ("lost", "J"),
     ("speed_before", "m/s"), ("speed_after", "m/s"),
 )  # fmt: skip
@@ -34,13 +34,13 @@ NUMBERS = (
 
 def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
     """The data of a fall for the page, the same on every rank; `worst`: stress that colours it."""
-    points, faces = _surface(fall)
+    points, faces = _fall_surface(fall)
     ends = [0.0, *(impact.time for impact in fall.impacts), fall.end.time]
-    frames = max(2, min(FRAMES_OF_FLIGHT, FRAMES // len(ends)))
+    frames = max(2, min(MAX_FLIGHT_FRAMES, FRAME_COUNT // len(ends)))
     flights = [np.linspace(*ends_of_flight, frames) for ends_of_flight in pairwise(ends)]
     times = np.unique(np.concatenate(flights))
     states = [at(fall, time) for time in times.tolist()]
-    part = geometry(points, faces)
+    part = geometry_data(points, faces)
     if worst is not None:
         nearest = cKDTree(worst.points - fall.body.centre).query(points)[1]
         values = worst.values / (float(worst.values.max()) or 1.0)
@@ -52,14 +52,14 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
             "time": times,
             "places": np.array([state.centre for state in states], dtype=np.float32),
             "turns": np.array([state.R for state in states], dtype=np.float32),
-            "impacts": [_impact(fall, k, times) for k in range(len(fall.impacts))],
+            "impacts": [_impact_data(fall, k, times) for k in range(len(fall.impacts))],
             "most": None if worst is None else engineering(worst.values.max(), worst.unit),
             "what": "" if worst is None else f"largest {worst.label} in all impacts",
         }
     }
 
 
-def _surface(fall: Fall) -> tuple[Array, IntArray]:
+def _fall_surface(fall: Fall) -> tuple[Array, IntArray]:
     """The part's surface, the same on all ranks: points (P, 3) [m] from the centre of mass, and
     triangles (T, 3).
     """
@@ -70,7 +70,7 @@ def _surface(fall: Fall) -> tuple[Array, IntArray]:
 
     try:
         nodes, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
-        outer = surface(nodes, cells)
+        outer = surface_of_cells(nodes, cells)
     except AntioscError:  # given matrices have no cells
         return surface_of(fall.body)
     outer = structure.comm.bcast(outer, root=0)
@@ -78,16 +78,16 @@ def _surface(fall: Fall) -> tuple[Array, IntArray]:
     return outer.points[used_nodes] - fall.body.centre, faces.reshape(-1, 3)
 
 
-def _impact(fall: Fall, k: int, times: Array) -> Data:
+def _impact_data(fall: Fall, k: int, times: Array) -> Data:
     """The data of impact `k` for the page; `times` [s] are those of the page's frames."""
     impact = fall.impacts[k]
     body = fall.body
     touch = at(fall, fall.impacts[k].time)
     bar = f" ± {percent(impact.law_error)}" if impact.law_error else ""
     time, force = force_of([fall.episodes[i] for i in fall.groups[k]])
-    samples = np.linspace(0.0, float(time[-1]), FORCE_SAMPLES)
+    samples = np.linspace(0.0, float(time[-1]), FORCE_SAMPLE_COUNT)
     return {
-        **{name: getattr(impact, name) for name, _ in NUMBERS},
+        **{name: getattr(impact, name) for name, _ in IMPACT_UNITS},
         "bar": impact.law_error or 0.0,
         "shown": [
             f"{engineering(impact.peak_force, 'N')}{bar}",

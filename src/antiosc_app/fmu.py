@@ -18,11 +18,11 @@ from antiosc.base import files
 from antiosc.base.archives import atomic_archive
 from antiosc.base.errors import MissingDependencyError
 from antiosc.engine import library
-from antiosc_app.run_data import RunData, Variable, distinct, model_file
+from antiosc_app.run_data import RunData, Variable, distinct_names, model_file
 
-_DATE = (2020, 1, 1, 0, 0, 0)  # of all entries: equal models make equal files
+_ENTRY_DATE = (2020, 1, 1, 0, 0, 0)  # of all entries: equal models make equal files
 #: units in SI base units
-_UNITS = {
+_UNIT_EXPONENTS = {
     "N": {"kg": 1, "m": 1, "s": -2},
     "N.s": {"kg": 1, "m": 1, "s": -1},
     "m": {"m": 1},
@@ -30,7 +30,7 @@ _UNITS = {
     "s": {"s": 1},
 }
 _CAUSALITIES = ("input", "output", "parameter")
-_PACKAGE = Path(library.__file__).parents[1]
+_PACKAGE_FOLDER = Path(library.__file__).parents[1]
 #: platform of FMI 3 -> its folder in FMI 2, the ending of a library there
 PLATFORMS = {
     "x86_64-linux": ("linux64", ".so"),
@@ -45,39 +45,43 @@ COMPILED_SOURCES = ("antiosc_march.c", "export/antiosc_model.c", "export/fmu.c")
 
 def write_fmu(path: Path, data: RunData, *, fmi: int) -> None:
     """Write a run as an FMU for version `fmi` (2 or 3) of the standard."""
-    name = identifier(path.stem)
+    name = c_identifier(path.stem)
     with atomic_archive(path, "the FMU") as archive:
-        _add(archive, "modelDescription.xml", _xml_bytes(_description(name, path.stem, data, fmi)))
-        _add(archive, "resources/model.aom", model_file(data))
-        for platform, library in binaries().items():
+        _add_file(
+            archive,
+            "modelDescription.xml",
+            _xml_bytes(_model_description(name, path.stem, data, fmi)),
+        )
+        _add_file(archive, "resources/model.aom", model_file(data))
+        for platform, library in library_binaries().items():
             fmi2_folder, ending = PLATFORMS[platform]
             folder = platform if fmi == 3 else fmi2_folder
             if folder:
-                _add(archive, f"binaries/{folder}/{name}{ending}", library)
-        for file, text in sources().items():
-            _add(archive, f"sources/{file}", text.encode())
+                _add_file(archive, f"binaries/{folder}/{name}{ending}", library)
+        for file, text in c_sources().items():
+            _add_file(archive, f"sources/{file}", text.encode())
         if fmi == 3:
-            _add(archive, "sources/buildDescription.xml", _xml_bytes(_build_description(name)))
+            _add_file(archive, "sources/buildDescription.xml", _xml_bytes(_build_description(name)))
 
 
 #: Keywords and reserved words of C99.
-C_WORDS = frozenset(
+RESERVED_C_WORDS = frozenset(
     """auto break case char const continue default do double else enum extern float for goto if
     inline int long main register restrict return short signed sizeof static struct switch typedef
     union unsigned void volatile while""".split()  # noqa: SIM905
 )
 
 
-def identifier(text: str) -> str:
+def c_identifier(text: str) -> str:
     """A valid identifier of C made from a text: "top plate" -> "top_plate"."""
     name = re.sub(r"\W", "_", text, flags=re.ASCII)
-    invalid = name in C_WORDS or not name[:1].isalpha()
+    invalid = name in RESERVED_C_WORDS or not name[:1].isalpha()
     return f"model_{name}" if invalid else name
 
 
-def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
+def _add_file(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
     """Add a file to an archive, with a fixed date, so that equal runs make equal archives."""
-    entry = zipfile.ZipInfo(name, _DATE)
+    entry = zipfile.ZipInfo(name, _ENTRY_DATE)
     entry.compress_type = zipfile.ZIP_DEFLATED
     entry.external_attr = 0o644 << 16
     archive.writestr(entry, content)
@@ -89,7 +93,7 @@ def _xml_bytes(root: ET.Element) -> bytes:
     return ET.tostring(root, "utf-8", xml_declaration=True)
 
 
-def _variables(data: RunData) -> Iterator[tuple[int, str, Variable]]:
+def _numbered_variables(data: RunData) -> Iterator[tuple[int, str, Variable]]:
     """Yields (value reference, causality, variable), numbered as in `csrc/export/fmu.c`."""
     groups = (data.input_variables, data.output_variables, data.parameter_variables)
     number = 0
@@ -99,13 +103,13 @@ def _variables(data: RunData) -> Iterator[tuple[int, str, Variable]]:
             yield number, causality, variable
 
 
-def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
+def _model_description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
     """The content of modelDescription.xml; `name` is an identifier, `title` the file's stem."""
     is_fmi2 = fmi == 2
     attributes = {
         "fmiVersion": f"{fmi}.0",
         "modelName": title,
-        "guid" if is_fmi2 else "instantiationToken": data.token,
+        "guid" if is_fmi2 else "instantiationToken": data.content_hash,
         "description": "an impact on anti-oscillators, or a port of a linear structure",
         "generationTool": f"antiosc {__version__}",
         "variableNamingConvention": "flat",
@@ -126,7 +130,7 @@ def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
             ET.SubElement(source_files, "File", name=unit)
 
     units = ET.SubElement(root, "UnitDefinitions")
-    for unit, base in _UNITS.items():
+    for unit, base in _UNIT_EXPONENTS.items():
         powers = {base_unit: str(power) for base_unit, power in base.items()}
         ET.SubElement(ET.SubElement(units, "Unit", name=unit), "BaseUnit", powers)
     experiment = {"startTime": 0, "stopTime": float(data.duration)}
@@ -136,7 +140,9 @@ def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
     _add_variables(root, data, is_fmi2)
 
     structure = ET.SubElement(root, "ModelStructure")
-    outputs = [number for number, causality, _ in _variables(data) if causality == "output"]
+    outputs = [
+        number for number, causality, _ in _numbered_variables(data) if causality == "output"
+    ]
     for group in ("Output", "InitialUnknown"):
         unknowns = ET.SubElement(structure, f"{group}s") if is_fmi2 else structure
         for number in outputs:
@@ -154,7 +160,7 @@ def _add_variables(root: ET.Element, data: RunData, is_fmi2: bool) -> None:
         time = {"name": "time", "valueReference": "0", "causality": "independent"}
         ET.SubElement(variables, "Float64", {**time, "variability": "continuous", "unit": "s"})
 
-    for number, causality, variable in _variables(data):
+    for number, causality, variable in _numbered_variables(data):
         attributes = {
             "name": variable.name,
             "valueReference": str(number),
@@ -186,21 +192,21 @@ def _build_description(name: str) -> ET.Element:
 # -- the C sources and compiled libraries in an export
 
 
-def sources() -> dict[str, str]:
+def c_sources() -> dict[str, str]:
     """The C sources: path below csrc -> text."""
-    for folder in (_PACKAGE / "csrc", library.SOURCE_FOLDER):
+    for folder in (_PACKAGE_FOLDER / "csrc", library.SOURCE_FOLDER):
         files = sorted([*folder.glob("*.[ch]"), *folder.glob("export/*.[ch]")])
         if files:
             return {f.relative_to(folder).as_posix(): f.read_text("utf-8") for f in files}
     raise MissingDependencyError("the C sources are missing: install antiosc anew.")
 
 
-def binaries() -> dict[str, bytes]:
+def library_binaries() -> dict[str, bytes]:
     """Platform -> content of its compiled library: this one, and those built for others."""
     libraries = {library.platform(): library.LIBRARY_FILE.read_bytes()}
     sources = library.library.aom_source_hash()
     for name, (_, ending) in PLATFORMS.items():
-        file = _PACKAGE / "binaries" / f"{name}{ending}"
+        file = _PACKAGE_FOLDER / "binaries" / f"{name}{ending}"
         content = file.read_bytes() if file.is_file() else b""
         if sources in content:
             libraries.setdefault(name, content)
@@ -213,10 +219,10 @@ _RUN_SOURCES = (
     "crossings.c", "flight.c", "forces.c", "laws.c", "memory.c", "responses.c", "runs.c", "start.c",
     "steps.c", "stepper.c", "stretch.c", "export/antiosc_model.c",
 )  # fmt: skip
-_NOT_OF_A_RUN = re.compile(r"^#ifndef AOM_RUN_ONLY\n.*?^#endif\n\n?", re.MULTILINE | re.DOTALL)
-_OWN_INCLUDE = re.compile(r'^#include "[^"]+"\n', re.MULTILINE)
+_NON_RUN_SECTION = re.compile(r"^#ifndef AOM_RUN_ONLY\n.*?^#endif\n\n?", re.MULTILINE | re.DOTALL)
+_LOCAL_INCLUDE = re.compile(r'^#include "[^"]+"\n', re.MULTILINE)
 
-_HEAD = """\
+_FILE_HEAD = """\
 /* {title}: a run of an impact, written by antiosc {version}. C99, no dependencies but <math.h>.
  *
  *     static union {{ double align[2]; char bytes[{upper}_BYTES]; }} memory;
@@ -241,8 +247,8 @@ _HEAD = """\
 #define {upper}_BYTES {size}
 """
 
-_MAIN = """
-#ifdef {upper}_MAIN
+_MAIN_FUNCTION = """
+#ifdef {upper}_MAIN_FUNCTION
 #include <stdio.h>
 
 int main(void) {{
@@ -264,19 +270,21 @@ int main(void) {{
 
 def write_c(path: Path, data: RunData) -> None:
     """Write the C file of a run."""
-    files.write_text(path, text(path.stem, data), "the C file")
+    files.write_text(path, c_file_text(path.stem, data), "the C file")
 
 
-def text(title: str, data: RunData) -> str:
+def c_file_text(title: str, data: RunData) -> str:
     """The text of the C file of a run; its names begin with `title` as an identifier."""
-    code = _sources_of_run()
-    name = identifier(title)
-    if re.search(rf"\b{name}\b", re.sub(r"/\*.*?\*/", "", code + _MAIN, flags=re.DOTALL)):
+    code = _run_source_text()
+    name = c_identifier(title)
+    if re.search(rf"\b{name}\b", re.sub(r"/\*.*?\*/", "", code + _MAIN_FUNCTION, flags=re.DOTALL)):
         name = f"model_{name}"  # a word of the sources
     upper = name.upper()
-    outputs = distinct(identifier(variable.name).upper() for variable in data.output_variables)
+    outputs = distinct_names(
+        c_identifier(variable.name).upper() for variable in data.output_variables
+    )
     output_lines = [
-        f" *   {upper}_{name_in_c}  {_in_comment(variable.description)} [{variable.unit}]"
+        f" *   {upper}_{name_in_c}  {_comment_text(variable.description)} [{variable.unit}]"
         for name_in_c, variable in zip(outputs, data.output_variables, strict=True)
     ]
     inputs = (
@@ -284,8 +292,8 @@ def text(title: str, data: RunData) -> str:
         if data.input_variables
         else ""
     )
-    header = _HEAD.format(
-        title=_in_comment(title),
+    header = _FILE_HEAD.format(
+        title=_comment_text(title),
         version=__version__,
         name=name,
         upper=upper,
@@ -293,22 +301,24 @@ def text(title: str, data: RunData) -> str:
         inputs=inputs,
         outputs="\n".join(output_lines),
         duration=data.duration,
-        size=data.memory,
+        size=data.memory_bytes,
     )
     names = [f"    {upper}_{variable} = {i}" for i, variable in enumerate(outputs)]
     enumeration = "enum {\n" + ",\n".join(names) + "\n};\n"
-    main_text = _MAIN.format(name=name, upper=upper, duration=data.duration, count=len(outputs))
+    main_text = _MAIN_FUNCTION.format(
+        name=name, upper=upper, duration=data.duration, count=len(outputs)
+    )
     return "\n".join([header, code, enumeration, _model_definition(name, data), main_text])
 
 
-def _sources_of_run() -> str:
+def _run_source_text() -> str:
     """The C sources that a run needs as one text, without includes of each other."""
-    texts = sources()
-    parts = [_OWN_INCLUDE.sub("", texts[file]) for file in _RUN_SOURCES]
-    return _NOT_OF_A_RUN.sub("", "".join(parts))
+    texts = c_sources()
+    parts = [_LOCAL_INCLUDE.sub("", texts[file]) for file in _RUN_SOURCES]
+    return _NON_RUN_SECTION.sub("", "".join(parts))
 
 
-def _in_comment(text: str) -> str:
+def _comment_text(text: str) -> str:
     """A text for a comment of C, with a space in "*/" and "/*"."""
     return re.sub(r"\*(?=/)|/(?=\*)", r"\g<0> ", text)
 
@@ -320,15 +330,15 @@ def _model_definition(name: str, data: RunData) -> str:
     absent = [] if data.system.laws else ["law_parameters"]
     absent += ["quadratic", "cubic"] if data.system.cubic is None else []
     array_names = [part for part in array_names if part not in absent]
-    lines = [_array(f"{name}_{part}", arrays[part]) for part in array_names]
+    lines = [_array_definition(f"{name}_{part}", arrays[part]) for part in array_names]
     specs = ", ".join(f"{{{kind}, {index}}}" for kind, index in data.outputs.tolist())
     lines.append(f"static const axm_output_spec {name}_outputs[] = {{{specs}}};")
-    modes, rows, contacts, breaks, sites, parameters, count, _, stretch = data.counts()
+    modes, rows, contacts, breaks, sites, parameters, count, _, stretch = data.size_counts()
     offset = 0
     contact_lines = []
     scales = arrays["contacts"].reshape(contacts, 7)
-    for c, values in zip(data.given.contacts, scales, strict=True):
-        row = [_number(x) for x in values]
+    for c, values in zip(data.packed_system.contacts, scales, strict=True):
+        row = [_c_number(x) for x in values]
         law = f"{{{c.law.kind}, {c.law.n_params}, {name}_law_parameters + {offset}, 0}}"
         offset += c.law.n_params
         law_text = f"{law}, {row[0]}, {row[1]}, {c.first_tangential}, {c.n_tangential}"
@@ -341,12 +351,12 @@ def _model_definition(name: str, data: RunData) -> str:
         for part in ("omega", "decay", "beta", "residual", "breaks", "loads", "offsets")
     )
     tensors = f", {stretch}, {name}_quadratic, {name}_cubic" if stretch else ""
-    options = [*(_number(x) for x in data.options), "INT64_MAX / 4", "INT64_MAX / 4", "0"]
+    options = [*(_c_number(x) for x in data.options), "INT64_MAX / 4", "INT64_MAX / 4", "0"]
     lines.append(
         f"static const axm_model {name} = {{\n"
         f"    {{{modes}, {rows}, {contacts}, {breaks}, {pointers},\n"
         f"     {f'{name}_contacts' if contact_lines else '0'}, {name}_q, {name}_v,"
-        f" {_number(data.system.contact_energy)}, 0{tensors}}},\n"
+        f" {_c_number(data.system.contact_energy)}, 0{tensors}}},\n"
         f"    {{{', '.join(options)}}},\n"
         f"    {sites}, {name}_site_modes, {name}_site_forces, {name}_site_shifts,\n"
         f"    {parameters}, {name}_parameters, {name}_starts, {count}, {name}_outputs\n}};\n"
@@ -354,14 +364,14 @@ def _model_definition(name: str, data: RunData) -> str:
     return "\n".join(lines)
 
 
-def _array(name: str, values: np.ndarray) -> str:
+def _array_definition(name: str, values: np.ndarray) -> str:
     """C definition of the constant array `name`."""
-    rows = [", ".join(_number(x) for x in values[k : k + 4]) for k in range(0, len(values), 4)]
+    rows = [", ".join(_c_number(x) for x in values[k : k + 4]) for k in range(0, len(values), 4)]
     body = ",\n    ".join(rows) or "0.0"
     return f"static const double {name}[] = {{\n    {body}\n}};"
 
 
-def _number(x: float) -> str:
+def _c_number(x: float) -> str:
     """A number as an exact C literal: hexadecimal unless it is whole."""
     value = float(x)
     if value == float("inf"):

@@ -26,7 +26,7 @@ from antiosc.base.errors import (
 )
 from antiosc.base.plausible import GRAVITY
 from antiosc.io.neutral import UnitSystem
-from antiosc_app.scene_file.document import GEOMETRIES
+from antiosc_app.scene_file.document import GEOMETRY_ENDINGS
 
 if TYPE_CHECKING:
     from antiosc import Mesh, Structure
@@ -34,30 +34,32 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 #: Arguments of `read_mesh` or `read_model` besides the file.
-Read: TypeAlias = dict[str, Any]
+ReadOptions: TypeAlias = dict[str, Any]
 #: A mesh that states no unit is in mm if it is longer than this, else in m.
-LONGEST_IN_METRES = 3.0
+MAX_LENGTH_IN_METRES = 3.0
 #: Units of decks, in the order in which they are taken where the materials are real ones; those in
 #: which densities are often weights.
-UNITS, OF_POUNDS = ("mm", "m", "mm-kg", "in", "ft"), ("in", "ft")
+GUESSED_UNITS, POUND_UNITS = ("mm", "m", "mm-kg", "in", "ft"), ("in", "ft")
 #: Moduli [Pa] and densities [kg/m³] of solids, rubber to diamond and foam to osmium; in rarer units
 #: those of structures alone, which no other unit makes of a steel.
-MODULI, DENSITIES, STIFF = (1e6, 1.3e12), (20.0, 25e3), (3e9, 1.3e12)
+MODULUS_RANGE, DENSITY_RANGE, STIFF_RANGE = (1e6, 1.3e12), (20.0, 25e3), (3e9, 1.3e12)
 USUAL_UNITS = ("mm", "m")
 #: What stands for constants that a deck does not state.
-STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
+STEEL_CONSTANTS = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Arguments of reading that say which pieces are read, and how they are joined.
 PIECE_KEYS = ("fragments", "merge", "cells", "solid", "piece", "contact")
 #: Largest number of solids that are joined as fragments; of more solids the largest is read alone.
-MOST_SOLIDS = 40
+MAX_JOINED_SOLIDS = 40
 #: Endings of decks, which contain materials and supports.
 DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat"}
 #: Cards of decks that give elements a material.
-MODEL_CARD = re.compile(rb"^\s*(\*(material|\w+ ?\w* section)\b|mat(1|2|8|9)\b[*,\s])", re.I | re.M)
+MODEL_CARD_PATTERN = re.compile(
+    rb"^\s*(\*(material|\w+ ?\w* section)\b|mat(1|2|8|9)\b[*,\s])", re.I | re.M
+)
 #: A card of contact between pieces.
-CONTACT_CARD = re.compile(rb"^\s*\*contact ?pair\b", re.I | re.M)
+CONTACT_CARD_PATTERN = re.compile(rb"^\s*\*contact ?pair\b", re.I | re.M)
 #: Argument -> what it does to a part, in words.
-OPTIONS = {
+OPTION_TEXTS = {
     "fragments": "its solids are joined where they touch (fragments).",
     "cells": "cells of other dimensions are left out (cells).",
     "order": "its bars are straight between their ends (order).",
@@ -67,15 +69,18 @@ OPTIONS = {
 
 @dataclass(frozen=True)
 class ForeignPart:
-    """A part that was read; `read`: the arguments of `read_mesh` or `read_model` that did it."""
+    """A part that was read.
+
+    `read_options`: the arguments of `read_mesh` or `read_model` that did it.
+    """
 
     mesh: Mesh
-    read: Read
+    read_options: ReadOptions
     structure: Structure | None = None  # of a deck with a model
     notes: list[str] = field(default_factory=list)  # what was decided, one sentence each
     pieces: Sequence[Piece] = ()  # the largest first
-    inferred: bool = False  # whether the unit of a deck is inferred from its materials
-    meshed: bool = False  # whether the file is a geometry that is meshed here
+    unit_is_inferred: bool = False  # whether the unit of a deck is inferred from its materials
+    is_meshed: bool = False  # whether the file is a geometry that is meshed here
 
 
 def foreign_part(
@@ -84,36 +89,38 @@ def foreign_part(
     unit: str | None = None,
     size: float | None = None,
     contact: str | None = None,
-    alone: Read | None = None,
+    piece_options: ReadOptions | None = None,
 ) -> ForeignPart:
     """Read or mesh the file of a part.
 
     `free`: without a deck's supports; `unit`, `size` [m] of cells: None to guess them; `contact` of
-    a deck: "tied" or "apart"; `alone`: further arguments of the reader, for a single piece.
+    a deck: "tied" or "apart"; `piece_options`: further arguments of the reader, for a single piece.
     """
     with finite_element_packages():
         importlib.import_module("antiosc.fem.mesh")
     if is_deck(path):
-        has_contact = alone is None and bool(CONTACT_CARD.search(path.read_bytes()))
+        has_contact = piece_options is None and bool(CONTACT_CARD_PATTERN.search(path.read_bytes()))
         told = contact or ("tied" if has_contact else None)  # as without it, but told
-        given = {"free": free or None, "contact": told, "size": size, **(alone or {})}
+        given = {"free": free or None, "contact": told, "size": size, **(piece_options or {})}
         given = {key: value for key, value in given.items() if value is not None}
-        part = _of_deck(path, given, unit)
-        if contact is None and "piece" in part.read:  # nothing could be tied
-            part.read.pop("contact", None)
+        part = _part_of_deck(path, given, unit)
+        if contact is None and "piece" in part.read_options:  # nothing could be tied
+            part.read_options.pop("contact", None)
         return part
     if contact is not None:
         raise InputError(f"{path.name} is no deck with contact: leave contact away.")
     with without_warnings():
-        return _of_mesh(path, unit, size, alone)
+        return _part_of_mesh(path, unit, size, piece_options)
 
 
 def is_deck(path: Path) -> bool:
     """Whether a file is a deck with materials."""
-    return path.suffix.lower() in DECK_ENDINGS and bool(MODEL_CARD.search(path.read_bytes()))
+    return path.suffix.lower() in DECK_ENDINGS and bool(
+        MODEL_CARD_PATTERN.search(path.read_bytes())
+    )
 
 
-def reading_of_piece(read: Read, piece: int) -> Read:
+def read_options_of_piece(read: ReadOptions, piece: int) -> ReadOptions:
     """Arguments that read one piece of a part; `read`: those that read the part."""
     joins = () if "piece" in read else ("fragments", "merge", "contact")
     kept = {key: read[key] for key in PIECE_KEYS if key in read and key not in joins}
@@ -122,43 +129,45 @@ def reading_of_piece(read: Read, piece: int) -> Read:
 
 def unit_of_length(length: float) -> str:
     """Guess the unit of a file, "mm" or "m", from the length of its part in that unit."""
-    return "mm" if length > LONGEST_IN_METRES else "m"
+    return "mm" if length > MAX_LENGTH_IN_METRES else "m"
 
 
 # --- Meshes and geometries ------------------------------------------------------------------------
 
 
-def _of_mesh(path: Path, unit: str | None, size: float | None, alone: Read | None) -> ForeignPart:
+def _part_of_mesh(
+    path: Path, unit: str | None, size: float | None, piece_options: ReadOptions | None
+) -> ForeignPart:
     """Read a mesh, or mesh a geometry; the arguments are those of `foreign_part`."""
     from antiosc.extension import default_size, usual_size
     from antiosc.io.by_gmsh import ENDINGS_WITH_UNIT
     from antiosc.io.facets import SURFACE_ENDINGS
 
     suffix = path.suffix.lower()
-    read: Read = {} if unit is None else {"unit": unit}
+    read: ReadOptions = {} if unit is None else {"unit": unit}
     is_unknown = unit is None and suffix not in ENDINGS_WITH_UNIT
-    ways: list[Read] = [{}, *({"cells": dim} for dim in (3, 2, 1))]
+    ways: list[ReadOptions] = [{}, *({"cells": dim} for dim in (3, 2, 1))]
     pieces: Sequence[Piece] = ()
     notes: list[str] = []
 
-    if suffix in GEOMETRIES or suffix in SURFACE_ENDINGS:
-        contents, read = _opened(path, read, is_unknown)
+    if suffix in GEOMETRY_ENDINGS or suffix in SURFACE_ENDINGS:
+        contents, read = _opened_geometry(path, read, is_unknown)
         pieces = contents.pieces
-        ways = _ways_of(contents, suffix in GEOMETRIES, notes)
-        ways = ways if alone is None else [alone]
-        piece = pieces[alone["piece"] - 1] if alone and pieces else None
+        ways = _options_to_try(contents, suffix in GEOMETRY_ENDINGS, notes)
+        ways = ways if piece_options is None else [piece_options]
+        piece = pieces[piece_options["piece"] - 1] if piece_options and pieces else None
         box = contents.points if piece is None else np.array([piece.low, piece.high])
         usual = usual_size(box)
-        if suffix in GEOMETRIES or any("solid" in way for way in ways):
+        if suffix in GEOMETRY_ENDINGS or any("solid" in way for way in ways):
             read["size"] = size or usual
-    elif alone is not None:
-        ways = [alone]
+    elif piece_options is not None:
+        ways = [piece_options]
 
     meshed = "size" in read
     mesh, options, found, told = _first_readable(path, read, ways)
     read |= options
     pieces = pieces or found
-    changed: Read = {}
+    changed: ReadOptions = {}
     longest = float(np.ptp(mesh.dolfinx.geometry.x, axis=0).max())
     if meshed and size is None:
         wanted = default_size(mesh, read["size"])
@@ -180,12 +189,14 @@ def _of_mesh(path: Path, unit: str | None, size: float | None, alone: Read | Non
         with warnings_to(told.append):
             mesh = antiosc.read_mesh(str(path), **read)
 
-    notes += [*dict.fromkeys(told), *(OPTIONS[key] for key in OPTIONS if key in read)]
+    notes += [*dict.fromkeys(told), *(OPTION_TEXTS[key] for key in OPTION_TEXTS if key in read)]
     notes += _piece_sentence(read, found or pieces)
-    return ForeignPart(mesh, read, None, notes, pieces, meshed=meshed)
+    return ForeignPart(mesh, read, None, notes, pieces, is_meshed=meshed)
 
 
-def _opened(path: Path, read: Read, is_unknown: bool) -> tuple[FileMesh, Read]:
+def _opened_geometry(
+    path: Path, read: ReadOptions, is_unknown: bool
+) -> tuple[FileMesh, ReadOptions]:
     """(contents of a geometry or surface in m, `read` with its unit).
 
     `is_unknown`: whether the unit is to be guessed.
@@ -201,7 +212,7 @@ def _opened(path: Path, read: Read, is_unknown: bool) -> tuple[FileMesh, Read]:
     return contents, read
 
 
-def _ways_of(contents: FileMesh, is_geometry: bool, notes: list[str]) -> list[Read]:
+def _options_to_try(contents: FileMesh, is_geometry: bool, notes: list[str]) -> list[ReadOptions]:
     """Options of `read_mesh` to be tried in turn; adds to `notes` what they follow from."""
     from antiosc.io.facets import CLOSED_SURFACE_GROUP
 
@@ -211,19 +222,19 @@ def _ways_of(contents: FileMesh, is_geometry: bool, notes: list[str]) -> list[Re
     if not solids:
         return [{}]
     notes.append(f"it has {solids} solids.")
-    return [{"fragments": True}] if solids <= MOST_SOLIDS else [{"piece": 1}]
+    return [{"fragments": True}] if solids <= MAX_JOINED_SOLIDS else [{"piece": 1}]
 
 
 def _first_readable(
-    path: Path, read: Read, ways: list[Read]
-) -> tuple[Mesh, Read, Sequence[Piece], list[str]]:
-    """(mesh, options, pieces, messages) by the first options in `ways` that work.
+    path: Path, read: ReadOptions, option_sets: list[ReadOptions]
+) -> tuple[Mesh, ReadOptions, Sequence[Piece], list[str]]:
+    """(mesh, options, pieces, messages) by the first options in `option_sets` that work.
 
     `read`: further options; pieces are known if the whole part could not be read.
     """
     reason: InputError | None = None
     pieces: Sequence[Piece] = ()
-    for way in ways:
+    for way in option_sets:
         attempts = [way] if "piece" in way else [way, {**way, "piece": 1}]
         for options in attempts:
             told = [str(reason)] if reason and "cells" in options else []  # with its numbers
@@ -239,7 +250,7 @@ def _first_readable(
     raise reason
 
 
-def _piece_sentence(read: Read, pieces: Sequence[Piece]) -> list[str]:
+def _piece_sentence(read: ReadOptions, pieces: Sequence[Piece]) -> list[str]:
     """One sentence on the piece that is read alone; [] for a whole part."""
     from antiosc.io.reading import described_pieces
 
@@ -253,7 +264,7 @@ def _piece_sentence(read: Read, pieces: Sequence[Piece]) -> list[str]:
 # --- Decks ----------------------------------------------------------------------------------------
 
 
-def _of_deck(path: Path, options: Read, unit: str | None) -> ForeignPart:
+def _part_of_deck(path: Path, options: ReadOptions, unit: str | None) -> ForeignPart:
     """Read the model of a deck; `unit`: None for the first in which its materials are real."""
     from antiosc.extension import with_parts
     from antiosc_decks.from_deck import facts_of_deck
@@ -282,22 +293,22 @@ def _of_deck(path: Path, options: Read, unit: str | None) -> ForeignPart:
 
 
 def _with_steel_constants(
-    reader: Callable[..., T], read: Read, told: list[str]
-) -> tuple[T, Read, Sequence[Piece]]:
+    reader: Callable[..., T], read: ReadOptions, messages: list[str]
+) -> tuple[T, ReadOptions, Sequence[Piece]]:
     """(result of `reader`, its arguments, pieces of the deck).
 
-    Density and modulus of steel are added if it fails without; `told` gets the messages.
+    Density and modulus of steel are added if it fails without; `messages` gets its warnings.
     """
     reason: InputError | None = None
     pieces: Sequence[Piece] = ()
-    pieces_read: list[Read] = [{}] if "piece" in read else [{}, {"piece": 1}]
-    constants: list[Read] = [{}, {"density": STEEL["rho"]}]
-    constants.append({"density": STEEL["rho"], "modulus": STEEL["E"]})
+    pieces_read: list[ReadOptions] = [{}] if "piece" in read else [{}, {"piece": 1}]
+    constants: list[ReadOptions] = [{}, {"density": STEEL_CONSTANTS["rho"]}]
+    constants.append({"density": STEEL_CONSTANTS["rho"], "modulus": STEEL_CONSTANTS["E"]})
     for stated, piece in product(constants, pieces_read):
         further = {**piece, **stated}
-        told.clear()
+        messages.clear()
         try:
-            with warnings_to(told.append):
+            with warnings_to(messages.append):
                 return reader(**read, **further), {**read, **further}, pieces
         except InputError as error:
             reason = reason or error
@@ -316,22 +327,22 @@ def unit_of_materials(families: Sequence[Any], length: float) -> str:
     values /= [read.stress, read.density]
 
     for needs_density in (True, False):
-        for unit in UNITS:
+        for unit in GUESSED_UNITS:
             system = UnitSystem.of(unit)
             E, rho = (values * [system.stress, system.density]).T
-            moduli = MODULI if unit in USUAL_UNITS and needs_density else STIFF
-            real = _within(E, moduli)
+            moduli = MODULUS_RANGE if unit in USUAL_UNITS and needs_density else STIFF_RANGE
+            real = _is_within(E, moduli)
             if needs_density:
-                weights = rho * system.length / GRAVITY if unit in OF_POUNDS else rho
-                real &= _within(rho, DENSITIES) | _within(weights, DENSITIES)
+                weights = rho * system.length / GRAVITY if unit in POUND_UNITS else rho
+                real &= _is_within(rho, DENSITY_RANGE) | _is_within(weights, DENSITY_RANGE)
             if 2 * real.sum() > len(real):
                 return unit
     return unit_of_length(length / read.length)
 
 
-def _within(values: Array, ends: tuple[float, float]) -> BoolArray:
-    """Mask of the values between `ends`, both included."""
-    return (ends[0] <= values) & (values <= ends[1])
+def _is_within(values: Array, limits: tuple[float, float]) -> BoolArray:
+    """Mask of the values between `limits`, both included."""
+    return (limits[0] <= values) & (values <= limits[1])
 
 
 def _modulus_and_density(material: Any) -> tuple[float, float]:

@@ -27,15 +27,15 @@ SITE_WORDS = ("impact", "struck", "strike", "hit", "eye", "tip", "nose", "top", 
 #: Cosine between neighbouring faces of one side of a part.
 SAME_SIDE_COSINE = np.cos(np.radians(15.0))
 #: Upward direction of a sheet in any plane.
-UP = np.array([0.1, 0.2, 1.0])
+UPWARD = np.array([0.1, 0.2, 1.0])
 #: Distance over the size of the part below which a face before a site is the site's own.
-GRAZING = 1e-3
+OWN_FACE_DISTANCE = 1e-3
 
 #: Point and direction of a site.
-Place: TypeAlias = tuple[Array, Array]
+SitePlace: TypeAlias = tuple[Array, Array]
 
 
-def face_areas(corners: Array) -> Array:
+def face_area_vectors(corners: Array) -> Array:
     """Area vectors (n, 3) of parallelograms with corners (n, k, 3); twice those of triangles."""
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
@@ -62,37 +62,37 @@ def distances_along(corners: Array, point: Array, direction: Array) -> Array:
     return np.asarray(distance[inside])
 
 
-def thickness_at(x: Array, faces: IntArray, place: Place) -> float:
+def thickness_at(x: Array, faces: IntArray, place: SitePlace) -> float:
     """Thickness [m] of a solid behind a site; inf if no face (F, k) is behind it."""
-    gap = GRAZING * float(np.ptp(x, axis=0).max())
+    gap = OWN_FACE_DISTANCE * float(np.ptp(x, axis=0).max())
     behind = distances_along(x[faces], *place)
     return float(behind[behind > gap].min(initial=np.inf))
 
 
-def on_faces(
+def guess_on_faces(
     x: Array, faces: IntArray, outer: Faces, supported: BoolArray, struck: IntArray
-) -> Place:
+) -> SitePlace:
     """The middle of the largest free face that is visible from outside, and the inward direction.
 
     `x`: nodes (N, 3); `faces` (F, k): their corners, of `outer`; `supported`: mask (N,) of fixed
     nodes; `struck`: nodes of groups that are struck by their name.
     """
     corners = x[faces]
-    normals = _outward(x, faces, outer.normals) if outer.sheet else outer.normals
-    side, edges = _sides(x, faces, normals)
+    normals = _outward_normals(x, faces, outer.normals) if outer.sheet else outer.normals
+    side, edges = _sides_with_edges(x, faces, normals)
     free = ~supported[faces].all(axis=1)
     if len(struck) and (free & np.isin(faces, struck).all(axis=1)).any():
         free &= np.isin(faces, struck).all(axis=1)
 
     # of faces that are about equal that on top
-    areas = np.linalg.norm(face_areas(corners), axis=1) * free
+    areas = np.linalg.norm(face_area_vectors(corners), axis=1) * free
     area = np.bincount(side, areas)
     height = np.bincount(side, areas * normals[:, 2])
     ranked = np.lexsort((-height, -np.round(area / area.max(), 2)))
 
-    gap = GRAZING * float(np.ptp(x, axis=0).max())
+    gap = OWN_FACE_DISTANCE * float(np.ptp(x, axis=0).max())
     middles = corners.mean(axis=1)
-    hidden: list[Place] = []
+    hidden: list[SitePlace] = []
     for number in ranked[area[ranked] > 0]:
         on_side = np.flatnonzero((side == number) & free)
         edge = edges[number]  # the middle is farthest from it
@@ -105,20 +105,20 @@ def on_faces(
     return hidden[0]
 
 
-def on_lines(x: Array, nodes: IntArray, supported: BoolArray, struck: IntArray) -> Place:
+def guess_on_lines(x: Array, nodes: IntArray, supported: BoolArray, struck: IntArray) -> SitePlace:
     """The node of beams `nodes` (n, k) farthest from supports, and a direction across them.
 
     Only nodes of `struck` are chosen if there are any.
     """
     candidates = struck if len(struck) else np.unique(nodes)
-    best = candidates[np.argmax(_from_supports(x, supported, x[candidates]))]
+    best = candidates[np.argmax(_distances_from_supports(x, supported, x[candidates]))]
     rows = nodes[(nodes == best).any(axis=1)]
     extents = np.abs(x[rows[:, 1]] - x[rows[:, 0]]).sum(axis=0)
     axis = int(np.argmin(extents[::-1]))  # z before y before x
     return x[best], -np.eye(3)[2 - axis]
 
 
-def on_rim(x: Array, faces: IntArray, supported: BoolArray) -> Place:
+def guess_on_rim(x: Array, faces: IntArray, supported: BoolArray) -> SitePlace:
     """The middle of a plane part's outer edge that is farthest from supports, and the inward
     direction.
     """
@@ -134,19 +134,19 @@ def on_rim(x: Array, faces: IntArray, supported: BoolArray) -> Place:
     across *= np.sign(np.einsum("ni,ni->n", across, inward))[:, None]
 
     offset = np.abs(middle[:, 0] - x[:, 0].mean())
-    far = _from_supports(x, supported, middle)
+    far = _distances_from_supports(x, supported, middle)
     best = np.lexsort((offset, -np.round(middle[:, 1], 9), -far))[0]
     return middle[best], across[best]
 
 
-def _from_supports(x: Array, supported: BoolArray, points: Array) -> Array:
+def _distances_from_supports(x: Array, supported: BoolArray, points: Array) -> Array:
     """Distances (n,) [m] of points (n, 3) from the nearest supported node; all 1 without one."""
     if not supported.any():
         return np.ones(len(points))
     return np.asarray(cKDTree(x[supported]).query(points)[0])
 
 
-def _outward(x: Array, faces: IntArray, normal: Array) -> Array:
+def _outward_normals(x: Array, faces: IntArray, normal: Array) -> Array:
     """`normal` (F, 3) with signs such that it points outward if a sheet is closed, else upward."""
     from antiosc.io.facets import TRIANGLE_SIDES, oriented
 
@@ -157,7 +157,7 @@ def _outward(x: Array, faces: IntArray, normal: Array) -> Array:
         a, b, c = x[oriented(x, faces)[0]].transpose(1, 0, 2)
         volumes = np.einsum("ni,ni->n", np.cross(b - a, c - a), normal)
     else:
-        volumes = normal @ UP
+        volumes = normal @ UPWARD
     return np.asarray(normal * np.where(volumes < 0, -1.0, 1.0)[:, None])
 
 
@@ -171,10 +171,12 @@ def nodes_around(outer: Faces) -> IntArray:
 
 def sides_of(x: Array, outer: Faces) -> IntArray:
     """Number (F,) of the smooth side of the part to which each outer face belongs."""
-    return _sides(x, nodes_around(outer), outer.normals)[0]
+    return _sides_with_edges(x, nodes_around(outer), outer.normals)[0]
 
 
-def _sides(x: Array, faces: IntArray, normal: Array) -> tuple[IntArray, dict[int, Array]]:
+def _sides_with_edges(
+    x: Array, faces: IntArray, normal: Array
+) -> tuple[IntArray, dict[int, Array]]:
     """(number (F,) of the smooth side of each face, side -> points (n, 3) on its edges)."""
     k = faces.shape[1]
     ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
@@ -209,13 +211,13 @@ SUPPORT_WORDS = (
 )
 #: A side that is held has at most these shares of the nodes, and of the surface of a solid: held on
 #: its underside a plate would be a layer on a rigid floor.
-LARGEST_PLANE, LARGEST_SIDE = 0.6, 0.3
+MAX_PLANE_SHARE, MAX_SIDE_SHARE = 0.6, 0.3
 #: Nodes lie on a plane, and are one node, if their distance is below this share of the size.
-ON_PLANE = 1e-6
+PLANE_TOLERANCE = 1e-6
 #: A number of which no two multiples have a common part behind the point.
-GOLDEN = 0.6180339887498949
+GOLDEN_RATIO = 0.6180339887498949
 #: Largest rounding of a motion of 1 to 2: 1e-15 at the middles of edges of triangles.
-ROUNDING = 1e-9
+MOTION_ROUNDING = 1e-9
 
 
 def groups_with(mesh: Mesh, words: Sequence[str]) -> tuple[str, ...]:
@@ -245,15 +247,15 @@ def supporting_side(
     `faces`: those of a solid, whose areas are then compared, too.
     """
     low, high = x.min(axis=0), x.max(axis=0)
-    area = None if faces is None else np.linalg.norm(face_areas(x[faces]), axis=1)
+    area = None if faces is None else np.linalg.norm(face_area_vectors(x[faces]), axis=1)
 
     for axis, corner in [(2, low), (0, low), (1, low), (0, high), (1, high)]:
-        on_side = np.abs(x[:, axis] - corner[axis]) < ON_PLANE * size
-        if not min(3, len(x) // 4) <= on_side.sum() <= max(1.0, LARGEST_PLANE * len(x)):
+        on_side = np.abs(x[:, axis] - corner[axis]) < PLANE_TOLERANCE * size
+        if not min(3, len(x) // 4) <= on_side.sum() <= max(1.0, MAX_PLANE_SHARE * len(x)):
             continue
         if area is not None and faces is not None:
             share = area[on_side[faces].all(axis=1)].sum() / area.sum()
-            if not 0 < share <= LARGEST_SIDE:
+            if not 0 < share <= MAX_SIDE_SHARE:
                 continue
         return on_side, [corner, np.eye(3)[axis]]
     return np.zeros(len(x), dtype=bool), None
@@ -263,14 +265,14 @@ def held_nodes(structure: Structure, x: Array, size: float) -> BoolArray:
     """Mask (N,) of the nodes `x` (N, 3) whose dofs are all fixed; `size` [m] of the part."""
     from antiosc.extension import source
 
-    motion = 1.0 + (np.arange(structure.rows)[:, None] * GOLDEN) % 1.0  # none cancels another
+    motion = 1.0 + (np.arange(structure.rows)[:, None] * GOLDEN_RATIO) % 1.0  # none cancels another
     motion[structure.fixed[structure.fixed < structure.rows]] = 0.0
     try:
         nodes, _, displacements = source(structure).at_nodes(structure, motion)
     except AntioscError:
         return np.zeros(len(x), dtype=bool)
 
-    fixed = ~(np.abs(displacements[:, :, 0]) > ROUNDING).any(axis=1)
+    fixed = ~(np.abs(displacements[:, :, 0]) > MOTION_ROUNDING).any(axis=1)
     if not fixed.any():
         return np.zeros(len(x), dtype=bool)
-    return np.asarray(cKDTree(nodes[fixed]).query(x)[0] < ON_PLANE * size)
+    return np.asarray(cKDTree(nodes[fixed]).query(x)[0] < PLANE_TOLERANCE * size)

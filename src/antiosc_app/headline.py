@@ -10,7 +10,7 @@ from antiosc import History, ImpactMap, LinearBody, SceneHistory
 from antiosc.base.texts import capitalised, engineering, percent, plus_minus, point_text
 from antiosc.extension import ErrorBudget, hardest, left_out_text, low_band, trusted
 from antiosc.models.body import piercing_warning
-from antiosc_app.scene_file.run import coarse_cells
+from antiosc_app.scene_file.run import coarse_cell_sentence
 
 if TYPE_CHECKING:
     from antiosc import Margin, PeakField
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 #: Relative error of a force from which it is told before the numbers.
 WIDE_BAR = 0.5
 #: Share of a bar below which its cause is not told.
-LEAST_SHARE = 0.05
+MIN_CAUSE_SHARE = 0.05
 #: Cause of the largest share of a bar -> what reduces it.
-REMEDIES: dict[str, str] = {
+CAUSE_REMEDIES: dict[str, str] = {
     "mesh": "use smaller elements around the site",
     "truncation": "extract more anti-oscillators",
     "time": "use a smaller tol",
@@ -78,7 +78,7 @@ def caution_of_map(impact_map: ImpactMap) -> str:
     return " ".join(capitalised(sentence) for sentence in sentences if sentence)
 
 
-def caution_of(hit: History, budget: ErrorBudget | None) -> str:
+def caution_of_impact(hit: History, budget: ErrorBudget | None) -> str:
     """Text that must be read before the numbers of an impact; "" if nothing questions them."""
     cautions = []
     if not isinstance(hit, SceneHistory):
@@ -88,15 +88,15 @@ def caution_of(hit: History, budget: ErrorBudget | None) -> str:
             hit.unfinished,
         ]
 
-    cautions.append(coarse_cells(hit))
+    cautions.append(coarse_cell_sentence(hit))
     if budget is None:
         cautions.append('there is no error bar: extract with error = "estimate"')
     elif budget["peak_force"].known >= WIDE_BAR:
         cautions.append(f"the force is a rough one, ± {percent(budget['peak_force'].known)}")
-    return " ".join(_sentence(text) for text in cautions if text)
+    return " ".join(_as_sentence(text) for text in cautions if text)
 
 
-def _sentence(text: str) -> str:
+def _as_sentence(text: str) -> str:
     """A text as a sentence: it begins with a capital and ends with a full stop."""
     return f"{capitalised(text).rstrip('.')}."
 
@@ -107,10 +107,11 @@ def largest_share(budget: ErrorBudget | None) -> str:
         return ""
     bar = budget["peak_force"]
     cause = max(budget.causes, key=lambda name: getattr(bar, name))
-    if getattr(bar, cause) < LEAST_SHARE:
+    if getattr(bar, cause) < MIN_CAUSE_SHARE:
         return ""
     share = percent(getattr(bar, cause))
-    return f"Most of the bar of the peak force comes from the {cause}, {share}: {REMEDIES[cause]}."
+    remedy = CAUSE_REMEDIES[cause]
+    return f"Most of the bar of the peak force comes from the {cause}, {share}: {remedy}."
 
 
 class NumericalBar(float):
@@ -125,8 +126,8 @@ def force_bar(budget: ErrorBudget | None) -> float | None:
     return NumericalBar(bar.numerical) if bar.total is None else bar.total
 
 
-def stress_sentences(fields: Mapping[str, PeakField], force: float | None) -> list[str]:
-    """A sentence on the largest value of each stress field; `force`: the force's relative error."""
+def stress_sentences(fields: Mapping[str, PeakField], force_error: float | None) -> list[str]:
+    """A sentence on the largest value of each stress field; `force_error`: relative."""
     sentences = []
     for name, peak in fields.items():
         if peak.worst_point is None:
@@ -134,30 +135,30 @@ def stress_sentences(fields: Mapping[str, PeakField], force: float | None) -> li
             place = f"at {point_text(point)}, {engineering(time, 's')}"
             told = f"largest {name.replace('_', ' ')} {engineering(value, peak.unit, 4)} {place}"
         else:
-            bar = stress_bar(peak, force)
-            told = with_force(peak.worst_point, force).sentence
+            bar = stress_bar(peak, force_error)
+            told = with_force_error(peak.worst_point, force_error).sentence
             told += "" if bar is None else f" (that stress {plus_minus(bar)})"
-        sentences.append(_sentence(told))
+        sentences.append(_as_sentence(told))
     return sentences
 
 
-def with_force(worst: Margin, force: float | None) -> Margin:
+def with_force_error(worst: Margin, force_error: float | None) -> Margin:
     """The margin with the relative error of the force, 0 for None, in its bar."""
-    return replace(worst, force_error=force or 0.0)
+    return replace(worst, force_error=force_error or 0.0)
 
 
-def stress_bar(peak: PeakField, force: float | None) -> tuple[float, float] | None:
+def stress_bar(peak: PeakField, force_error: float | None) -> tuple[float, float] | None:
     """(below, above): relative error bar of the judged stress; None if it is not known."""
     worst = peak.worst_point
-    if force is None or worst is None or not worst.is_stress or not worst.has_bar:
+    if force_error is None or worst is None or not worst.is_stress or not worst.has_bar:
         return None
     if not worst.value or not peak.largest_mesh_error:
         return None
-    low, high = (end / worst.value for end in with_force(worst, force).stresses)
+    low, high = (end / worst.value for end in with_force_error(worst, force_error).stresses)
     return 1 - low, high - 1
 
 
-def largest_stress(fields: Mapping[str, PeakField]) -> dict[str, Any]:
+def judged_stress_data(fields: Mapping[str, PeakField]) -> dict[str, Any]:
     """Value [Pa], time [s] and place [m] of the judged stress, for the page; {} without one."""
     margins = [peak.worst_point for peak in fields.values()]
     worst = next(

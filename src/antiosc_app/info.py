@@ -21,42 +21,43 @@ from antiosc.base.errors import MissingDependencyError
 from antiosc.base.packages import loading, restored, start_mpi
 
 #: Remark on a package that is installed but cannot be imported.
-BROKEN = "fails to load"
+BROKEN_REMARK = "fails to load"
 
 
 class Package(NamedTuple):
     """A package that antiosc can use.
 
-    `meshes`: whether structures with a mesh need it; `version`: loads it and returns its version;
+    `for_meshes`: whether structures with a mesh need it;
+    `version`: loads it and returns its version;
     without it the version is read where pip or Debian wrote it.
     """
 
     name: str
     module: str
-    meshes: bool
+    for_meshes: bool
     version: Callable[[], str] | None = None
 
     @property
     def debian(self) -> str:
         """Name of its Debian package."""
-        return f"python3-{self.module}{'-real' if self.module in REAL_PACKAGES else ''}"
+        return f"python3-{self.module}{'-real' if self.module in REAL_SOLVER_PACKAGES else ''}"
 
     @property
     def conda(self) -> str:
         """Name on conda-forge."""
-        return CONDA.get(self.module, self.module)
+        return CONDA_NAMES.get(self.module, self.module)
 
     @property
     def pypi(self) -> str:
         """Name on PyPI."""
-        return WHEEL if self.module in (*REAL_PACKAGES, "mpi4py") else self.module
+        return SOLVER_WHEEL if self.module in (*REAL_SOLVER_PACKAGES, "mpi4py") else self.module
 
 
 #: Packages in the name of whose Debian package is that of the real numbers, the wheel of these for
 #: Linux on PyPI, and names on conda-forge that differ from the module.
-REAL_PACKAGES = ("dolfinx", "petsc4py", "slepc4py")
-WHEEL = "dolfinx-solver-real"
-CONDA = {
+REAL_SOLVER_PACKAGES = ("dolfinx", "petsc4py", "slepc4py")
+SOLVER_WHEEL = "dolfinx-solver-real"
+CONDA_NAMES = {
     "gmsh": "python-gmsh",
     "dolfinx": "fenics-dolfinx",
     "matplotlib": "matplotlib-base",
@@ -64,7 +65,7 @@ CONDA = {
 }
 
 
-def version() -> str:
+def antiosc_version() -> str:
     """The version of antiosc, or "unknown" if it is not installed."""
     try:
         return importlib.metadata.version("antiosc")
@@ -86,7 +87,7 @@ def packages_found() -> dict[Package, str]:
         ):  # started by the mpirun of another MPI, which PETSc would end
             raise
         except Exception as error:  # an installed package can fail in any way: say so and go on
-            versions[package] = f"{BROKEN}: {error}"
+            versions[package] = f"{BROKEN_REMARK}: {error}"
     return versions
 
 
@@ -103,21 +104,24 @@ def c_compiler() -> str:
     return shutil.which(command.split()[0]) or ""
 
 
-def meshes_work() -> bool:
+def meshing_works() -> bool:
     """Whether everything that structures with a mesh need is installed, and loads where tried."""
     versions = packages_found()
     return bool(c_compiler()) and all(
-        versions[p] and not versions[p].startswith(BROKEN) for p in versions if p.meshes
+        versions[p] and not versions[p].startswith(BROKEN_REMARK) for p in versions if p.for_meshes
     )
 
 
-def report() -> str:
+def info_text() -> str:
     """Text of versions, BLAS, threads, PETSc's solvers, and missing packages with a remedy."""
-    rows = [("antiosc", version()), ("Python", f"{platform.python_version()}  {sys.executable}")]
+    rows = [
+        ("antiosc", antiosc_version()),
+        ("Python", f"{platform.python_version()}  {sys.executable}"),
+    ]
     remarks = []
     for package, found in packages_found().items():
-        is_broken = found.startswith(BROKEN)
-        rows.append((package.name, BROKEN if is_broken else found or "missing"))
+        is_broken = found.startswith(BROKEN_REMARK)
+        rows.append((package.name, BROKEN_REMARK if is_broken else found or "missing"))
         if is_broken:
             remarks.append(f"{package.name} is installed but {found}")
 
@@ -126,22 +130,22 @@ def report() -> str:
     rows.append(("C compiler", c_compiler() or "missing"))
     if not c_compiler():
         remarks.append("Missing: C compiler, for meshes. Remedy: install gcc, or set CC to another")
-    rows.append(("solvers", ", ".join(solvers()) or "none of CHOLMOD, MUMPS"))
-    rows += [("CHOLMOD", _cholmod()), ("BLAS", blas())]
+    rows.append(("solvers", ", ".join(petsc_solvers()) or "none of CHOLMOD, MUMPS"))
+    rows += [("CHOLMOD", _cholmod_text()), ("BLAS", blas_text())]
     rows.append(("threads", f"{process.cores()} cores"))
 
     absent = [package for package, found in packages_found().items() if not found]
     if absent:
         names = ", ".join(package.name for package in absent)
-        remarks.append(f"Missing: {names}. Remedy: {remedy(absent, installation())}")
-    meshes = "meshes, " if meshes_work() else ""
+        remarks.append(f"Missing: {names}. Remedy: {install_command(absent, installation_kind())}")
+    meshes = "meshes, " if meshing_works() else ""
     without = "" if meshes else "; meshes cannot be read or simulated here"
     rows.append(("works", f"{meshes}models, given matrices, measured parts, scenes{without}"))
     lines = [f"{name:<15}{text}".rstrip() for name, text in rows]
     return "\n".join(lines + [""] * bool(remarks) + remarks)
 
 
-def installation() -> str:
+def installation_kind() -> str:
     """How packages are installed here: "conda", "debian", "wheels" (PyPI has all) or "pip"."""
     if Path(sys.prefix, "conda-meta").is_dir():
         return "conda"
@@ -154,8 +158,8 @@ def installation() -> str:
     return "pip"
 
 
-def remedy(missing: Sequence[Package], kind: str) -> str:
-    """The command that installs missing packages; `kind`: result of `installation`."""
+def install_command(missing: Sequence[Package], kind: str) -> str:
+    """The command that installs missing packages; `kind`: result of `installation_kind`."""
     if kind == "conda":
         names = sorted({package.conda for package in missing})
         return f"conda install -c conda-forge {' '.join(names)}"
@@ -164,18 +168,18 @@ def remedy(missing: Sequence[Package], kind: str) -> str:
         return debian
 
     names = list(dict.fromkeys(package.pypi for package in missing))
-    pip = [name for name in names if name != WHEEL or kind == "wheels"]
+    pip = [name for name in names if name != SOLVER_WHEEL or kind == "wheels"]
     commands = [f"pip install {' '.join(pip)}"] if pip else []
     if len(pip) < len(names):
         commands.append(
-            f"for meshes {debian}, and an environment of Debian's Python: /usr/bin/python3 -m venv"
-            " --system-site-packages; or Python 3.12 or newer on Linux, conda (conda-forge), WSL"
-            " with Debian, or the container of packaging/Dockerfile"
+            f"for meshes {debian}, and an environment of Debian's Python: "
+            "/usr/bin/python3 -m venv --system-site-packages; or Python 3.12 or newer on Linux, "
+            "conda (conda-forge), WSL with Debian, or the container of packaging/Dockerfile"
         )
     return "; ".join(commands)
 
 
-def solvers() -> list[str]:
+def petsc_solvers() -> list[str]:
     """Names of the direct solvers in this PETSc that antiosc uses."""
     try:
         from petsc4py import PETSc
@@ -186,7 +190,7 @@ def solvers() -> list[str]:
     return [name for name in keys if any(map(PETSc.Sys.hasExternalPackage, keys[name]))]
 
 
-def _cholmod() -> str:
+def _cholmod_text() -> str:
     """Text: CHOLMOD's version if antiosc calls it directly, else why it does not."""
     try:
         from antiosc.extension import cholmod
@@ -197,19 +201,19 @@ def _cholmod() -> str:
     return f"{cholmod.version(cholmod.loaded_cholmod())}  called directly"
 
 
-def blas() -> str:
+def blas_text() -> str:
     """Kind and path of NumPy's BLAS; "unknown" if threadpoolctl does not find it."""
     importlib.import_module("numpy.linalg")
     pools = process.pools() or ()
     return next((f"{pool['internal_api']}  {pool['filepath']}" for pool in pools), "unknown")
 
 
-def _loaded(module: str) -> str:
+def _loaded_version(module: str) -> str:
     """Version of a package, which this loads."""
     return str(importlib.import_module(module).__version__)
 
 
-def _mpi() -> str:
+def _mpi_version() -> str:
     """Version of MPI."""
     start_mpi()
     from mpi4py import MPI
@@ -218,7 +222,7 @@ def _mpi() -> str:
     return f"{name} {'.'.join(map(str, numbers))}"
 
 
-def _gmsh() -> str:
+def _gmsh_version() -> str:
     """Version of gmsh, from another process: it would change the locale of this one."""
     code = (
         "from antiosc.io.by_gmsh import quiet_session;"
@@ -233,17 +237,17 @@ def _gmsh() -> str:
 
 
 PACKAGES = [
-    Package("NumPy", "numpy", False, partial(_loaded, "numpy")),
+    Package("NumPy", "numpy", False, partial(_loaded_version, "numpy")),
     Package("SciPy", "scipy", False),
     Package("matplotlib", "matplotlib", False),
     Package("jinja2", "jinja2", False),
-    Package("MPI", "mpi4py", True, _mpi),
+    Package("MPI", "mpi4py", True, _mpi_version),
     Package("mpi4py", "mpi4py", True),
-    Package("petsc4py", "petsc4py", True, partial(_loaded, "petsc4py")),
-    Package("slepc4py", "slepc4py", True, partial(_loaded, "slepc4py")),
-    Package("dolfinx", "dolfinx", True, partial(_loaded, "dolfinx")),
-    Package("gmsh", "gmsh", True, _gmsh),
+    Package("petsc4py", "petsc4py", True, partial(_loaded_version, "petsc4py")),
+    Package("slepc4py", "slepc4py", True, partial(_loaded_version, "slepc4py")),
+    Package("dolfinx", "dolfinx", True, partial(_loaded_version, "dolfinx")),
+    Package("gmsh", "gmsh", True, _gmsh_version),
     Package("threadpoolctl", "threadpoolctl", False),
     Package("meshio", "meshio", True),
-    Package("h5py", "h5py", True, partial(_loaded, "h5py")),
+    Package("h5py", "h5py", True, partial(_loaded_version, "h5py")),
 ]

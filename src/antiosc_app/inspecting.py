@@ -15,10 +15,16 @@ from antiosc.base._types import BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.texts import rounded_up
 from antiosc_app import guessed
-from antiosc_app.foreign import STEEL, Read, foreign_part, is_deck, reading_of_piece
-from antiosc_app.guessed import Place
-from antiosc_app.inspection import DIMENSIONS, Inspection, rounded_to
-from antiosc_app.scene_file.compiled import FIRST_COUNT
+from antiosc_app.foreign import (
+    STEEL_CONSTANTS,
+    ReadOptions,
+    foreign_part,
+    is_deck,
+    read_options_of_piece,
+)
+from antiosc_app.guessed import SitePlace
+from antiosc_app.inspection import FAMILY_DIMENSIONS, Inspection, rounded_to
+from antiosc_app.scene_file.compiled import INITIAL_COUNT
 
 if TYPE_CHECKING:
     from antiosc import Mesh, Structure
@@ -26,15 +32,15 @@ if TYPE_CHECKING:
     from antiosc.io.neutral import Piece
 
 #: Largest file that is looked at, bytes.
-LARGEST_FILE = 50_000_000
+MAX_FILE_BYTES = 50_000_000
 #: Least number of dofs for one anti-oscillator.
-DOFS_FOR_EACH = 4
+DOFS_PER_OSCILLATOR = 4
 
 
 def check_size(path: Path) -> None:
     """Raise AntioscError for a file that is too large to be inspected."""
-    if path.stat().st_size > LARGEST_FILE:
-        raise AntioscError(f"the file is larger than {LARGEST_FILE / 1e6:g} MB.")
+    if path.stat().st_size > MAX_FILE_BYTES:
+        raise AntioscError(f"the file is larger than {MAX_FILE_BYTES / 1e6:g} MB.")
 
 
 def inspect_part(
@@ -57,18 +63,22 @@ def inspect_part(
     if piece is None:
         part = foreign_part(path, *options)
     elif whole is None and is_deck(path):  # one reading of it lists all pieces
-        part = foreign_part(path, *options, alone={"piece": piece})
+        part = foreign_part(path, *options, piece_options={"piece": piece})
         _require_piece(path, piece, part.pieces)
     else:
         first = whole or foreign_part(path, *options)
         _require_piece(path, piece, first.pieces)
-        part = foreign_part(path, *options, alone=reading_of_piece(first.read, piece))
+        part = foreign_part(
+            path, *options, piece_options=read_options_of_piece(first.read_options, piece)
+        )
         part = replace(part, pieces=first.pieces)
 
     with progress.doing("looking for a place that is struck"):
-        inspection = _inspected(part.mesh, part.read, part.structure, part.meshed)
+        inspection = _inspection_of(part.mesh, part.read_options, part.structure, part.is_meshed)
     notes = tuple(part.notes)
-    return replace(inspection, notes=notes, pieces=part.pieces, inferred=part.inferred)
+    return replace(
+        inspection, notes=notes, pieces=part.pieces, unit_is_inferred=part.unit_is_inferred
+    )
 
 
 def _require_piece(path: Path, piece: int, pieces: Sequence[Piece]) -> None:
@@ -83,15 +93,15 @@ def inspect_structure(part: Structure) -> Inspection:
     from antiosc.extension import with_parts
 
     meshes = [member.part.mesh for member in with_parts(part).members()]
-    return _inspected(max(meshes, key=lambda mesh: (mesh.tdim, mesh.n_cells)), {}, part)
+    return _inspection_of(max(meshes, key=lambda mesh: (mesh.tdim, mesh.n_cells)), {}, part)
 
 
-def _inspected(
-    mesh: Mesh, read: Read, structure: Structure | None, meshed: bool = False
+def _inspection_of(
+    mesh: Mesh, read_options: ReadOptions, structure: Structure | None, is_meshed: bool = False
 ) -> Inspection:
-    """Inspect a mesh; `read`: the arguments of its reader.
+    """Inspect a mesh; `read_options`: the arguments of its reader.
 
-    `structure`: that of a deck; `meshed`: whether the mesh was made here from a geometry.
+    `structure`: that of a deck; `is_meshed`: whether the mesh was made here from a geometry.
     """
     from antiosc.extension import Faces, longest_cell, measure, usual_cell
     from antiosc.fem.platform import compat
@@ -114,55 +124,55 @@ def _inspected(
 
     point, direction = _guessed_site(mesh, outer, supported)
     cell = None
-    if meshed and mesh.tdim == 3:
+    if is_meshed and mesh.tdim == 3:
         behind = guessed.thickness_at(x, faces, (point, direction))
         cell = usual_cell(float(np.ptp(x, axis=0).max()), behind)
-        cell = None if cell >= read.get("size", inf) else cell
+        cell = None if cell >= read_options.get("size", inf) else cell
 
     longest = longest_cell(x[nodes[:, : len(mesh.geometry.corners)]])
     # each node that is not held has three dofs or more
     dofs = 3 * int((~supported).sum()) if structure is None else structure.dofs
     return Inspection(
-        family=next(name for name, dim in DIMENSIONS.items() if dim == mesh.tdim),
-        read=read,
-        low=np.array(rounded_to(x.min(axis=0), size)),
-        high=np.array(rounded_to(x.max(axis=0), size)),
+        family=next(name for name, dim in FAMILY_DIMENSIONS.items() if dim == mesh.tdim),
+        read_options=read_options,
+        box_low=np.array(rounded_to(x.min(axis=0), size)),
+        box_high=np.array(rounded_to(x.max(axis=0), size)),
         groups=list(mesh.groups),
         shape=mesh.cell,
         n_cells=mesh.n_cells,
-        where=where,
-        plane=None if plane is None else [rounded_to(plane[0], size), plane[1].tolist()],
+        held_groups=where,
+        held_plane=None if plane is None else [rounded_to(plane[0], size), plane[1].tolist()],
         point=rounded_to(point, size),
         direction=rounded_to(direction),
-        cell=cell,
-        count=min(FIRST_COUNT, dofs // DOFS_FOR_EACH),
+        site_cell_size=cell,
+        oscillator_count=min(INITIAL_COUNT, dofs // DOFS_PER_OSCILLATOR),
         points=x,
         faces=faces,
         held=supported,
-        measure=compat.integrate(1 * measure(mesh, None), mesh.dolfinx),
+        cell_measure=compat.integrate(1 * measure(mesh, None), mesh.dolfinx),
         structure=structure,
-        flat=_flat_face_material(mesh, outer, structure, (point, direction)),
-        bars=structure is None or _has_bars(structure),
-        meshed=meshed,
-        largest=longest,
+        flat_contact=_flat_face_material(mesh, outer, structure, (point, direction)),
+        has_error_bars=structure is None or _has_error_bars(structure),
+        is_meshed=is_meshed,
+        longest_cell=longest,
         radius=rounded_up(longest) if mesh.gdim == 2 and mesh.tdim == 2 else None,
     )
 
 
-def _guessed_site(mesh: Mesh, outer: Faces, supported: BoolArray) -> Place:
+def _guessed_site(mesh: Mesh, outer: Faces, supported: BoolArray) -> SitePlace:
     """Guess the place at which a mesh is struck; `supported`: mask (N,) of the fixed nodes."""
     from antiosc.fem.platform import compat
 
     x = np.array(mesh.dolfinx.geometry.x)
     struck: IntArray = guessed.nodes_of(mesh, guessed.groups_with(mesh, guessed.SITE_WORDS)[:1])
     if mesh.tdim == 1:
-        return guessed.on_lines(x, compat.geometry_nodes(mesh.dolfinx), supported, struck)
+        return guessed.guess_on_lines(x, compat.geometry_nodes(mesh.dolfinx), supported, struck)
     if mesh.gdim == 2:
-        return guessed.on_rim(x, guessed.nodes_around(outer), supported)
-    return guessed.on_faces(x, guessed.nodes_around(outer), outer, supported, struck)
+        return guessed.guess_on_rim(x, guessed.nodes_around(outer), supported)
+    return guessed.guess_on_faces(x, guessed.nodes_around(outer), outer, supported, struck)
 
 
-def _has_bars(structure: Structure) -> bool:
+def _has_error_bars(structure: Structure) -> bool:
     """Whether `extract(…, error="estimate")` accepts the structure."""
     from antiosc.extension import ModelErrors, refuse_dampers
 
@@ -176,7 +186,7 @@ def _has_bars(structure: Structure) -> bool:
 
 
 def _flat_face_material(
-    mesh: Mesh, outer: Faces, structure: Structure | None, place: Place
+    mesh: Mesh, outer: Faces, structure: Structure | None, place: SitePlace
 ) -> tuple[float, float] | None:
     """(E [Pa], nu) for contact with a flat face; None if the surface at the site is known."""
     from antiosc.extension import curvature
@@ -192,5 +202,5 @@ def _flat_face_material(
         E, nu = (getattr(material, name, None) for name in ("E", "nu"))
         if isinstance(E, float) and isinstance(nu, float):
             return E, nu
-        return STEEL["E"], STEEL["nu"]
+        return STEEL_CONSTANTS["E"], STEEL_CONSTANTS["nu"]
     return None

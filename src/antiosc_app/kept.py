@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 #: What is kept, and how many of it: a model of 77 000 dofs has 85 MB with its shapes, and Undo
 #: finds it again.
-KEPT_RESULTS = {
+MAX_KEPT_RESULTS = {
     **{"read_mesh": 4, "Structure": 2, "read_model": 2, "Structure.from_files": 2, "assemble": 2},
     **{"extract": 8, "from_frf": 2},
 }
@@ -27,12 +27,12 @@ KEPT_RESULTS = {
 class ResultCache(OrderedDict[str, T]):
     """A cache of the `most` results used last; keys are texts of their inputs."""
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, max_results: int) -> None:
         super().__init__()
-        self._most = most
+        self._most = max_results
         self._messages: dict[str, list[str]] = {}
 
-    def of(self, key: str, make: Callable[[], T]) -> T:
+    def result_of(self, key: str, make: Callable[[], T]) -> T:
         """The result for `key`, by `make` if it is not known; its warnings are repeated."""
         if key not in self:
             messages: list[str] = []
@@ -48,7 +48,7 @@ class ResultCache(OrderedDict[str, T]):
         return self[key]
 
 
-class Kept:
+class PartCache:
     """Cache of meshes, structures and models of one part.
 
     A `structure` takes the place of the one that scenes describe.
@@ -57,42 +57,42 @@ class Kept:
     def __init__(self, structure: Structure | None = None) -> None:
         self._given = structure
         self.results: dict[str, ResultCache[object]] = {
-            n: ResultCache(m) for n, m in KEPT_RESULTS.items()
+            n: ResultCache(m) for n, m in MAX_KEPT_RESULTS.items()
         }
 
-    def evaluation(self, document: Document) -> KeepingEvaluation:
+    def cached_evaluation(self, document: Document) -> CachedEvaluation:
         """An evaluation of a document's calls that uses this cache."""
-        return KeepingEvaluation(self, document)
+        return CachedEvaluation(self, document)
 
-    def made(self, call: Call, make: Callable[[], object]) -> object:
+    def result_of(self, call: Call, make: Callable[[], object]) -> object:
         """The result of `call`, from the cache or by `make`."""
         if self._given is not None and call.name in ("Structure", "read_model"):
             return self._given
         if call.name not in self.results:
             return make()
-        return self.results[call.name].of(repr(described(call)), make)
+        return self.results[call.name].result_of(repr(cache_key(call)), make)
 
 
-def described(value: object) -> object:
+def cache_key(value: object) -> object:
     """A value in which each call is replaced by its name and arguments, for a cache's key."""
     if isinstance(value, Call):
-        return value.name, described(value.arguments)
+        return value.name, cache_key(value.arguments)
     if isinstance(value, Mapping):
-        return {key: described(entry) for key, entry in value.items()}
+        return {key: cache_key(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [described(entry) for entry in value]
+        return [cache_key(entry) for entry in value]
     return value
 
 
-class KeepingEvaluation(Evaluation):
+class CachedEvaluation(Evaluation):
     """An evaluation of a document's calls that uses the cache `kept`."""
 
-    def __init__(self, kept: Kept, document: Document) -> None:
+    def __init__(self, cache: PartCache, document: Document) -> None:
         super().__init__(document)
-        self.kept = kept
+        self.kept = cache
 
-    def _object(self, call: Call) -> object:
-        make = partial(super()._object, call)
-        if call.made is not None or call in self._made:
+    def _result_of(self, call: Call) -> object:
+        make = partial(super()._result_of, call)
+        if call.result is not None or call in self._made:
             return make()
-        return self.kept.made(call, make)
+        return self.kept.result_of(call, make)

@@ -33,57 +33,59 @@ from antiosc.models.body import info_of, site_points
 #: Data of the page: numbers, texts, arrays, and lists and tables of these.
 Data: TypeAlias = dict[str, Any]
 
-FOLDER = Path(__file__).with_name("page")
+PAGE_FOLDER = Path(__file__).with_name("page")
 #: Scripts of the page in the order of their dependence.
-SCRIPTS = ("units", "engine", "data", "view", "part", "map", "chart", "page", "fall")
+PAGE_SCRIPTS = ("units", "engine", "data", "view", "part", "map", "chart", "page", "fall")
 #: Starting scripts: of a report, which contains its data, and of `antiosc open`.
-REPORT = "start"
-OPEN = "open"
+REPORT_SCRIPT = "start"
+OPEN_SCRIPT = "open"
 #: The kinds of arrays on the page; JavaScript's names of them are in data.js.
 ARRAY_TYPES = {"<f8": "f8", "<f4": "f4", "<i2": "i2", "<u4": "u4", "|u1": "u1"}
 
 
-def script(begin: str = REPORT) -> str:
-    """The JavaScript of a page; `begin`: its starting script, REPORT or OPEN."""
-    text = "\n".join((FOLDER / f"{name}.js").read_text("utf-8") for name in (*SCRIPTS, begin))
+def page_script(starting_script: str = REPORT_SCRIPT) -> str:
+    """The JavaScript of a page; `starting_script`: REPORT_SCRIPT or OPEN_SCRIPT."""
+    text = "\n".join(
+        (PAGE_FOLDER / f"{name}.js").read_text("utf-8") for name in (*PAGE_SCRIPTS, starting_script)
+    )
     return f'(() => {{\n"use strict";\n{text}}})();\n'
 
 
-def style() -> str:
+def page_style() -> str:
     """The style sheet of the page."""
-    return (FOLDER / "page.css").read_text("utf-8")
+    return (PAGE_FOLDER / "page.css").read_text("utf-8")
 
 
-def engine() -> bytes:
+def engine_wasm() -> bytes:
     """The C library compiled to WebAssembly (by packaging/library.py --page)."""
-    return (FOLDER / "engine.wasm").read_bytes()
+    return (PAGE_FOLDER / "engine.wasm").read_bytes()
 
 
-def policy(program: str) -> str:
+def content_policy(program: str) -> str:
     """The Content-Security-Policy that lets only the JavaScript `program` run, without network."""
     digest = base64.b64encode(hashlib.sha256(program.encode()).digest()).decode("ascii")
     scripts = f"script-src 'sha256-{digest}' 'wasm-unsafe-eval'"
     return f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; {scripts}"
 
 
-def embedded(data: Data) -> str:
+def embedded_json(data: Data) -> str:
     """Data as JSON that is safe inside a script element."""
     text = json.dumps(
-        plain(data, _packed), allow_nan=False, separators=(",", ":"), ensure_ascii=True
+        plain_json(data, _packed_array), allow_nan=False, separators=(",", ":"), ensure_ascii=True
     )
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def plain(value: object, of_array: Callable[[Array], object] = np.ndarray.tolist) -> object:
-    """A value as JSON: NaN and infinity become None, arrays what `of_array` returns."""
+def plain_json(value: object, array_value: Callable[[Array], object] = np.ndarray.tolist) -> object:
+    """A value as JSON: NaN and infinity become None, arrays what `array_value` returns."""
     if isinstance(value, Mapping):
-        return {str(key): plain(entry, of_array) for key, entry in value.items()}
+        return {str(key): plain_json(entry, array_value) for key, entry in value.items()}
     if isinstance(value, bytes):
         value = np.frombuffer(value, dtype=np.uint8)
     if isinstance(value, np.ndarray):
-        return plain(of_array(value), of_array)
+        return plain_json(array_value(value), array_value)
     if isinstance(value, list | tuple):
-        return [plain(entry, of_array) for entry in value]
+        return [plain_json(entry, array_value) for entry in value]
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float):
@@ -95,7 +97,7 @@ def plain(value: object, of_array: Callable[[Array], object] = np.ndarray.tolist
     return str(value)
 
 
-def _packed(values: Array) -> Data:
+def _packed_array(values: Array) -> Data:
     """An array as {"$": type, "of": base64}, which data.js decodes."""
     values_in_order = np.ascontiguousarray(values)
     values_in_order = values_in_order.astype(values_in_order.dtype.newbyteorder("<"))
@@ -104,14 +106,14 @@ def _packed(values: Array) -> Data:
 
 
 #: Relative force error of the runs on the page.
-TOL = 1e-6
+PAGE_TOL = 1e-6
 #: Relative force error of the runs that colour a map.
 MAP_TOL = 1e-3
 #: Number of points of the computed curve on the page.
 CURVE_POINTS = 2000
 
 
-def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
+def impact_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
     """The impact as data for the page; None if the page cannot repeat it.
 
     The page repeats impacts of `simulate` and `strike` with one contact by a built-in law, open at
@@ -146,21 +148,21 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
             **modal_data(body.modes, body.start, loads[0], local),
             "stretch": _second_order_forces(hit),
         },
-        "computed": _computed(hit, bars),
+        "computed": _computed_data(hit, bars),
     }
 
 
-def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) -> Data:
+def impact_data(law: ContactLaw, striker_data: Data, impactor: LinearBody, speed: float) -> Data:
     """Data for the page that do not depend on the site: law, striker, positions of sliders.
 
-    `striker`: `modal_data` of `impactor`; `speed` [m/s]: that of approach.
+    `striker_data`: `modal_data` of `impactor`; `speed` [m/s]: that of approach.
     """
     assert isinstance(law, Compiled)
     values = law.parameters()
-    rigid = striker["omega"].size == 1 and striker["omega"][0] == 0
+    rigid = striker_data["omega"].size == 1 and striker_data["omega"][0] == 0
     exponent = {library.LINEAR: 1.0}.get(law.kind, getattr(law, "exponent", 1.5))
     return {
-        "tol": TOL,
+        "tol": PAGE_TOL,
         "coarse": MAP_TOL,
         "law": {
             "kind": law.kind,
@@ -168,8 +170,8 @@ def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: flo
             "params": finite_parameters(law),
             "unit": "N/m" if exponent == 1 else f"N/m^{exponent:g}",
         },
-        "striker": striker,
-        "mass": 1 / float(striker["b"][0] ** 2) if rigid else None,
+        "striker": striker_data,
+        "mass": 1 / float(striker_data["b"][0] ** 2) if rigid else None,
         "radius": getattr(impactor, "radius", None) if rigid else None,
         "speed": speed or None,
         "stiffness": None if law.kind == library.TABLE else values[0],
@@ -183,23 +185,26 @@ def finite_parameters(law: ContactLaw) -> list[float]:
 
 
 def modal_data(
-    body: ModalBody, start: Array | None = None, load: Array | None = None, local: float = 0.0
+    body: ModalBody,
+    start_velocities: Array | None = None,
+    modal_loads: Array | None = None,
+    local_compliance: float = 0.0,
 ) -> Data:
     """A body's free modes as data for `pose` of engine.js.
 
-    `start`: modal velocities (J,) [m/s]; `load`: modal loads (J,) [N]; both 0 by default; `local`:
-    local compliance [m/N] beside that of the modes.
+    `start_velocities`: modal velocities (J,) [m/s]; `modal_loads`: modal loads (J,) [N]; both 0 by
+    default; `local_compliance`: local compliance [m/N] beside that of the modes.
     """
     zeros = np.zeros(body.omega.size)
     return {
         "omega": body.omega,
         "decay": zeros if body.decay is None else body.decay,
         "b": body.b,
-        "v": zeros if start is None else start,
-        "load": zeros if load is None else load,
+        "v": zeros if start_velocities is None else start_velocities,
+        "load": zeros if modal_loads is None else modal_loads,
         "r": body.r,
         "mobility": body.mobility,
-        "local": local,
+        "local": local_compliance,
     }
 
 
@@ -229,7 +234,7 @@ def _damping_ratio(model: LinearBody) -> float | None:
     return damping.ratio if isinstance(damping.ratio, float) else None
 
 
-def _computed(hit: History, budget: ErrorBudget | None) -> Data:
+def _computed_data(hit: History, budget: ErrorBudget | None) -> Data:
     """Force curve, numbers and texts of the computed impact, which stay on the page."""
     time = hit.time
     force = hit.force
@@ -243,10 +248,10 @@ def _computed(hit: History, budget: ErrorBudget | None) -> Data:
         numbers["site_deflection"] = motion.largest
     last = hit.contacts[-1][1] if hit.contacts else 0.0
     ends = {"last": last, "touching": bool(last >= hit.run.time[-1])}
-    return {"time": time, "force": force, **numbers, **ends, **_shown(hit, budget)}
+    return {"time": time, "force": force, **numbers, **ends, **_shown_data(hit, budget)}
 
 
-def _shown(hit: History, budget: ErrorBudget | None) -> Data:
+def _shown_data(hit: History, budget: ErrorBudget | None) -> Data:
     """`shown`: quantity -> text with its error bar; `bar`: relative error of the force."""
     if budget is None:
         return {"shown": {}}
@@ -258,27 +263,27 @@ def _shown(hit: History, budget: ErrorBudget | None) -> Data:
 
 
 #: A striker of unknown size is drawn as a ball of this density [kg/m^3].
-STEEL = 7850.0
+STEEL_DENSITY = 7850.0
 
 
-def caption(data: Data) -> str:
+def set_up_caption(data: Data) -> str:
     """Text below the picture of the set-up."""
     if "fall" in data:
         return "Drag to turn; red: the impacts, click one."
     return "Drag to turn; dark: held by supports; the arrow is the direction of impact."
 
 
-def striker_place(hit: History, blow: Data) -> Data | None:
+def striker_place(hit: History, impact: Data) -> Data | None:
     """Contact point [m], direction and radius [m] with which the page draws the striker.
 
-    `blow`: `blow_of_history` of `hit`. None for a site without coordinates.
+    `impact`: `impact_of_history` of `hit`. None for a site without coordinates.
     """
     points = list(site_points(hit.model).values())
     direction = info_of(hit.model).direction
     if len(points) != 1 or len(points[0]) != 3 or direction is None or len(direction) != 3:
         return None
 
-    radius = blow["radius"] or getattr(hit.impactor, "tip_radius", None)
-    if radius is None and blow["mass"] is not None:  # a steel ball of its mass
-        radius = (blow["mass"] / (STEEL * 4 / 3 * pi)) ** (1 / 3)
+    radius = impact["radius"] or getattr(hit.impactor, "tip_radius", None)
+    if radius is None and impact["mass"] is not None:  # a steel ball of its mass
+        radius = (impact["mass"] / (STEEL_DENSITY * 4 / 3 * pi)) ** (1 / 3)
     return {"point": list(points[0]), "direction": list(direction), "radius": radius}

@@ -33,20 +33,20 @@ from antiosc.models.body import checked_body
 from antiosc_app.live import Data, finite_parameters, impact_data, modal_data
 
 #: Largest number of fields of the motion and of the stress.
-MOST_FIELDS = (12, 8)
+MAX_FIELD_COUNTS = (12, 8)
 #: Error of these fields over the largest value.
 FIELD_ERROR = 0.01
 #: Number of times of the run from which the fields are chosen.
-SAMPLED_TIMES = 120
+SAMPLE_COUNT = 120
 #: A point is held if its displacement is below this share of the largest in all shapes.
-HELD_RATIO = 1e-12
+HELD_DISPLACEMENT_RATIO = 1e-12
 #: Largest integer of coordinates and fields.
-LARGEST_INTEGER = 32767
+MAX_INTEGER = 32767
 #: Half-width of a drawn beam over the size of the part.
 BEAM_HALF_WIDTH = 0.012
 
 
-def of_structure(structure: Structure, hit: History) -> Data | None:
+def part_data(structure: Structure, hit: History) -> Data | None:
     """The struck part for the page, with motion and stress, the same on all ranks.
 
     None for a part without a surface, or a model without shapes.
@@ -54,27 +54,31 @@ def of_structure(structure: Structure, hit: History) -> Data | None:
     try:
         shapes = shapes_of(structure, hit, "structure")
         points, cells, displacements = source(structure).at_nodes(structure, shapes)
-        skin = surface(points, cells)
-        stress = _stress(structure, hit, shapes)
+        skin = surface_of_cells(points, cells)
+        stress = _stress_columns(structure, hit, shapes)
     except AntioscError:  # without shapes, elements or outline there is nothing to turn
         return None
     skin, displacements, stress = structure.comm.bcast((skin, displacements, stress), root=0)
     page, used_nodes = drawn_surface(skin)
     node = skin.node[used_nodes]
     displacements = displacements[node]
-    times = np.linspace(0.0, float(hit.run.time[-1]), SAMPLED_TIMES)
-    x = _coordinates(hit, times)
+    times = np.linspace(0.0, float(hit.run.time[-1]), SAMPLE_COUNT)
+    x = _field_coordinates(hit, times)
     to_shapes = _shape_factors(hit)
     page["held"] = _held_points(displacements).astype(np.uint8)
     motion = displacements @ to_shapes
-    page["motion"] = fields(motion, x, MOST_FIELDS[0], lambda u: np.linalg.norm(u, axis=1))
+    page["motion"] = principal_fields(
+        motion, x, MAX_FIELD_COUNTS[0], lambda u: np.linalg.norm(u, axis=1)
+    )
     if stress is not None:
         stress_fields = [field[node] @ to_shapes for field in stress]
-        page["stress"] = [fields(field, x, MOST_FIELDS[1], _equivalent) for field in stress_fields]
+        page["stress"] = [
+            principal_fields(field, x, MAX_FIELD_COUNTS[1], _von_mises) for field in stress_fields
+        ]
     return page
 
 
-def geometry(points: Array, faces: IntArray) -> Data:
+def geometry_data(points: Array, faces: IntArray) -> Data:
     """Points (P, 3) [m] and faces for the page.
 
     Coordinates are `middle` + `half` * integer / LARGEST_INTEGER [m].
@@ -84,7 +88,7 @@ def geometry(points: Array, faces: IntArray) -> Data:
     middle = (low + high) / 2
     half = float((high - low).max() / 2) or 1.0
     return {
-        "points": np.round((points - middle) / half * LARGEST_INTEGER).astype(np.int16),
+        "points": np.round((points - middle) / half * MAX_INTEGER).astype(np.int16),
         "faces": faces.astype(np.uint32),
         "middle": middle.tolist(),
         "half": half,
@@ -100,12 +104,12 @@ class PageSurface(NamedTuple):
 
 
 def drawn_surface(skin: PageSurface) -> tuple[Data, IntArray]:
-    """(`geometry` of a surface without unused points, numbers of the points that it has)."""
+    """(`geometry_data` of a surface without unused points, numbers of the points that it has)."""
     used_points, faces = np.unique(skin.faces, return_inverse=True)
-    return geometry(skin.points[used_points], faces.reshape(-1, 3)), used_points
+    return geometry_data(skin.points[used_points], faces.reshape(-1, 3)), used_points
 
 
-def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> PageSurface:
+def surface_of_cells(points: Array, cells: Sequence[tuple[str, IntArray]]) -> PageSurface:
     """The surface of cells at points (N, 3) [m]; lines are drawn as square bars.
 
     `cells`: blocks (kind, nodes (n, k)).
@@ -116,7 +120,7 @@ def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> PageSurface
         block_faces = outer_faces([block])
         if block_faces.shape[1] == 2:
             start = sum(len(node) for _, node in pieces)
-            corners, block_faces, node = _bars(points, block_faces)
+            corners, block_faces, node = _square_bars(points, block_faces)
             pieces.append((corners, node))
             block_faces = block_faces + start
         elif block_faces.shape[1] == 4:
@@ -130,7 +134,7 @@ def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> PageSurface
     return PageSurface(places, np.vstack(faces), nodes)
 
 
-def _bars(points: Array, lines: IntArray) -> tuple[Array, IntArray, IntArray]:
+def _square_bars(points: Array, lines: IntArray) -> tuple[Array, IntArray, IntArray]:
     """(points (8 n, 3) [m], triangles, nodes (8 n,)) of square bars along lines (n, 2)."""
     edges = points[lines[:, 1]] - points[lines[:, 0]]
     other = np.where(np.abs(edges).argmin(axis=1)[:, None] == np.arange(3), 1, 0)
@@ -151,7 +155,7 @@ def _bars(points: Array, lines: IntArray) -> tuple[Array, IntArray, IntArray]:
     return np.stack(ends, axis=1).reshape(-1, 3), np.vstack(faces), node
 
 
-def _stress(structure: Structure, hit: History, shapes: Array) -> list[Array] | None:
+def _stress_columns(structure: Structure, hit: History, shapes: Array) -> list[Array] | None:
     """Stresses (N, 6, columns) [Pa] at all nodes, for each place in the section.
 
     [] on ranks other than 0; None for beams whose section has no outline. `shapes`: columns of
@@ -166,11 +170,11 @@ def _stress(structure: Structure, hit: History, shapes: Array) -> list[Array] | 
         except InputError:
             return None
         if structure.comm.rank == 0:
-            stresses += _averages(tensors, len(points))
+            stresses += _nodal_averages(tensors, len(points))
     return stresses
 
 
-def _averages(tensors: NodeTensors, n: int) -> list[Array]:
+def _nodal_averages(tensors: NodeTensors, n: int) -> list[Array]:
     """Tensors (N, 6, columns) averaged over the cells at each of `n` nodes, for each place in the
     section.
     """
@@ -186,7 +190,7 @@ def _averages(tensors: NodeTensors, n: int) -> list[Array]:
     return means
 
 
-def _coordinates(hit: History, times: Array) -> Array:
+def _field_coordinates(hit: History, times: Array) -> Array:
     """Coordinates (n, B) at n times [s], to which displacements are linear.
 
     They are J modal displacements, the contact force [N] and, for second-order forces, products of
@@ -200,7 +204,7 @@ def _coordinates(hit: History, times: Array) -> Array:
 
 
 def _shape_factors(hit: History) -> Array:
-    """Matrix that maps the coordinates of `_coordinates` to amplitudes of the model's shapes."""
+    """Matrix that maps `_field_coordinates` to amplitudes of the model's shapes."""
     _, body = hit.of("structure")
     size = body.omega.size
     q, force = np.split(np.eye(size + 1), [size], axis=1)
@@ -217,26 +221,28 @@ def _held_points(displacements: Array) -> BoolArray:
     """
     reach = np.abs(displacements).max(axis=2, initial=0.0)
     is_moving = reach.max(axis=0) > 0
-    return (reach[:, is_moving] <= HELD_RATIO * reach.max()).any(axis=1)
+    return (reach[:, is_moving] <= HELD_DISPLACEMENT_RATIO * reach.max()).any(axis=1)
 
 
-def fields(linear: Array, x: Array, most: int, size: Callable[[Array], Array]) -> Data:
-    """At most `most` principal fields of linear @ x over a run, as integers for the page.
+def principal_fields(
+    coordinate_fields: Array, x: Array, max_fields: int, field_size: Callable[[Array], Array]
+) -> Data:
+    """At most `max_fields` principal fields of coordinate_fields @ x, as integers for the page.
 
-    `linear` (P, c, B): field of c components at P points for unit coordinates; `x` (n, B):
-    coordinates at n times. The field is `fields` (K, P, c) × `scale` (K,) × (`factors` (K, B) x);
-    `largest` is the largest `size` of it in the run. Coordinates are weighted by their largest
-    values, so that the fields also serve runs with other amplitudes.
+    `coordinate_fields` (P, c, B): field of c components at P points for unit coordinates; `x` (n,
+    B): coordinates at n times. The field is `fields` (K, P, c) × `scale` (K,) × (`factors` (K, B)
+    x); `largest` is the largest `field_size` of it in the run. Coordinates are weighted by their
+    largest values, so that the fields also serve runs with other amplitudes.
     """
-    points, components, count = linear.shape
+    points, components, count = coordinate_fields.shape
     weights = np.abs(x).max(axis=0)
     weights[weights == 0] = 1e-12 * (weights.max() or 1.0)
-    flat = linear.reshape(-1, count) * weights
+    flat = coordinate_fields.reshape(-1, count) * weights
     scaled_x = (x / weights).T
     vectors = np.linalg.eigh(flat.T @ flat)[1][:, ::-1]
     exact = flat @ scaled_x
-    largest = float(size(exact.reshape(points, components, -1)).max(initial=0.0))
-    count_kept = min(most, count)
+    largest = float(field_size(exact.reshape(points, components, -1)).max(initial=0.0))
+    count_kept = min(max_fields, count)
     for k in range(1, count_kept + 1):
         error = exact - flat @ vectors[:, :k] @ (vectors[:, :k].T @ scaled_x)
         if np.abs(error).max(initial=0.0) <= FIELD_ERROR * np.abs(exact).max(initial=0.0):
@@ -246,22 +252,22 @@ def fields(linear: Array, x: Array, most: int, size: Callable[[Array], Array]) -
     scale = np.abs(basis).max(axis=1)
     scale[scale == 0] = 1.0
     return {
-        "fields": np.round(basis / scale[:, None] * LARGEST_INTEGER).astype(np.int16).ravel(),
-        "scale": scale / LARGEST_INTEGER,
+        "fields": np.round(basis / scale[:, None] * MAX_INTEGER).astype(np.int16).ravel(),
+        "scale": scale / MAX_INTEGER,
         "factors": (vectors[:, :count_kept] / weights[:, None]).T.ravel(),
         "largest": largest,
     }
 
 
-def _equivalent(stress: Array) -> Array:
+def _von_mises(stress: Array) -> Array:
     """Von Mises stress (P, columns) of stresses (P, 6, columns)."""
     return equivalent(np.moveaxis(stress, 1, -1))
 
 
 #: Largest number of sites on a page.
-MOST_SITES = 5000
+MAX_MAP_SITES = 5000
 #: The part is drawn behind a map if its area exceeds this times the map's.
-LARGER_AREA = 1.02
+MIN_AREA_RATIO = 1.02
 #: Quantities of a map on the page; those that it does not recompute.
 SHOWN_QUANTITIES = (
     "peak_force",
@@ -274,9 +280,7 @@ SHOWN_QUANTITIES = (
 FIXED_QUANTITIES = ("peak_deflection", "peak_stress", "exposure")
 
 
-def sites_of_map(
-    impact_map: ImpactMap, structure: Structure | None = None
-) -> tuple[Data, Data] | None:
+def map_data(impact_map: ImpactMap, structure: Structure | None = None) -> tuple[Data, Data] | None:
     """(impact, sites) as data for the page, the same on every rank.
 
     None if the page cannot repeat the map's impacts. `structure`: the part drawn behind it.
@@ -284,7 +288,7 @@ def sites_of_map(
     impactor, law, duration = impact_map.impactor, impact_map.contact, impact_map.duration
     if impactor is None or law is None or duration is None or not is_compiled(law):
         return None
-    if impact_map.peak_force is None or len(impact_map) > MOST_SITES:
+    if impact_map.peak_force is None or len(impact_map) > MAX_MAP_SITES:
         return None
     laws = [] if impact_map.laws is None else list(impact_map.laws)
     if any(type(blow) is not type(law) for blow in laws):
@@ -317,7 +321,7 @@ def sites_of_map(
         "points": impact_map.points.astype(np.float32).ravel(),
         "directions": impact_map.directions.astype(np.float32).ravel(),
         "faces": faces.astype(np.uint32).ravel(),
-        "alone": _dots(impact_map).tolist(),
+        "alone": _dotted_sites(impact_map).tolist(),
         "radii": np.zeros(0) if impact_map.radius is None else impact_map.radius,
         "first": hardest(impact_map),
         "doubtful": impact_map.doubtful.tolist(),
@@ -332,11 +336,11 @@ def sites_of_map(
         params = np.array(rows).ravel()
         sites["laws"] = {"kind": blow["law"]["kind"], "size": len(rows[0]), "params": params}
     if structure is not None:
-        sites["skin"] = _skin(structure, _area(impact_map.points, faces))
+        sites["skin"] = _skin_behind_map(structure, _triangle_area(impact_map.points, faces))
     return {**blow, "ratio": 0.0, "gap": striker.gap, "duration": duration, "bars": None}, sites
 
 
-def _dots(impact_map: ImpactMap) -> IntArray:
+def _dotted_sites(impact_map: ImpactMap) -> IntArray:
     """Numbers of the sites drawn as dots: those that are on no triangle of sound sites."""
     if impact_map.elements.shape[1] != 3:
         return np.arange(len(impact_map))
@@ -345,22 +349,22 @@ def _dots(impact_map: ImpactMap) -> IntArray:
     return np.union1d(impact_map.alone, np.setdiff1d(np.flatnonzero(sound), coloured))
 
 
-def _skin(structure: Structure, mapped: float) -> Data | None:
+def _skin_behind_map(structure: Structure, map_area: float) -> Data | None:
     """The part's surface for the page, the same on all ranks.
 
-    None without a surface, or if the map, of area `mapped` [m²], covers it.
+    None without a surface, or if the map, of area `map_area` [m²], covers it.
     """
     try:
         points, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
-        skin: PageSurface = structure.comm.bcast(surface(points, cells), root=0)
+        skin: PageSurface = structure.comm.bcast(surface_of_cells(points, cells), root=0)
     except InputError:
         return None
-    if _area(skin.points, skin.faces) < LARGER_AREA * mapped:
+    if _triangle_area(skin.points, skin.faces) < MIN_AREA_RATIO * map_area:
         return None
     return drawn_surface(skin)[0]
 
 
-def _area(points: Array, faces: IntArray) -> float:
+def _triangle_area(points: Array, faces: IntArray) -> float:
     """Area [m^2] of triangles (T, 3)."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)

@@ -18,12 +18,12 @@ from antiosc.base.errors import AntioscError, InputError
 from antiosc_app import inspection
 from antiosc_app.inspecting import inspect_part
 from antiosc_app.inspection import Inspection
-from antiosc_app.report import rendered
-from antiosc_app.scene_file.compiled import FIRST_COUNT
-from antiosc_app.scene_file.document import listed
+from antiosc_app.report import rendered_template
+from antiosc_app.scene_file.compiled import INITIAL_COUNT
+from antiosc_app.scene_file.document import names_text
 
 #: Number of impacts of the fall.
-MOST_IMPACTS = 3
+DEFAULT_IMPACTS = 3
 #: Options of reading that a scene has, and None for those that it does not need.
 READING_KEYS = (
     *("unit", "size", "gdim", "density", "modulus", "piece", "contact", "fragments", "solid"),
@@ -31,12 +31,12 @@ READING_KEYS = (
 )
 #: Views (elevation, azimuth) [degrees] from which a part is drawn: the first that sees the struck
 #: face well, by this least cosine, or the one that sees it best.
-VIEWS = [
+VIEW_ANGLES = [
     (elevation, azimuth) for elevation in (24.0, -24.0) for azimuth in (-52.0, 128.0, 38.0, -142.0)
 ]
-WELL_SEEN = 0.3
+MIN_VIEW_COSINE = 0.3
 #: The geometry of a scene without a given part.
-PLATE = """\
+PLATE_GEOMETRY = """\
 // A plate of 300 x 200 mm, held at one end; its size of elements is that of the scene.
 SetFactory("OpenCASCADE");
 Rectangle(1) = {0, 0, 0, 0.3, 0.2};
@@ -59,7 +59,7 @@ def write_scene(
     Without `part` a plate is written as well; `drop`: a fall in place of an impact; `unit` of
     the file, `size` [m] of the cells, `piece` by rank: as for `inspect_part`.
     """
-    metal = materials.record(inspection.MATERIAL if material is None else material)
+    metal = materials.record(inspection.DEFAULT_MATERIAL if material is None else material)
     if metal.G is not None:
         raise InputError(
             f"{metal.name} is not isotropic: write the scene with another material, then give "
@@ -71,7 +71,7 @@ def write_scene(
     source = target.with_suffix(".geo") if part is None else Path(part)
     if part is None:
         _require_absent(source)
-        files.write_text(source, PLATE, "the geometry")
+        files.write_text(source, PLATE_GEOMETRY, "the geometry")
         sentences.append(f"{source} is a plate to begin with; put your own part in its place.")
     else:
         checks.path("the file of the part", part)
@@ -84,16 +84,21 @@ def write_scene(
             look = inspect_part(source, drop, unit, size, piece)
     except OSError as error:
         raise InputError(f"{source.name} could not be looked at: {error.strerror}.") from None
-    if look.of_deck and material is not None:
+    if look.is_deck and material is not None:
         raise InputError(
             f"{source.name} is a deck with materials of its own: leave --material away."
         )
-    flat = None if look.flat is None or look.of_deck else (metal.E, metal.nu)
-    look = replace(look, material=metal.name, asked=material is not None, flat=flat or look.flat)
+    flat = None if look.flat_contact is None or look.is_deck else (metal.E, metal.nu)
+    look = replace(
+        look,
+        material=metal.name,
+        material_is_given=material is not None,
+        flat_contact=flat or look.flat_contact,
+    )
 
     _require_absent(target)
-    files.write_text(target, text(target.name, relative, look, drop), "the scene file")
-    picture = _picture(target.with_suffix(".png"), look, drop)
+    files.write_text(target, scene_text(target.name, relative, look, drop), "the scene file")
+    picture = _write_picture(target.with_suffix(".png"), look, drop)
     return target, [*sentences, *look.sentences(source.name, drop), picture]
 
 
@@ -105,31 +110,31 @@ def _require_absent(target: Path) -> None:
         )
 
 
-def text(name: str, source: str, look: Inspection, drop: bool = False) -> str:
+def scene_text(name: str, source: str, look: Inspection, drop: bool = False) -> str:
     """The text of the scene file `name`; `source`: the part's file as the scene names it."""
-    return rendered(
+    return rendered_template(
         Path(__file__).with_name("page") / "scene.toml",
         name=name,
         source=json.dumps(source, ensure_ascii=False),
         part=Path(source).name,
-        deck=look.of_deck,
+        deck=look.is_deck,
         closed=Path(source).suffix.lower() == ".stl",
         look=look,
-        read=dict.fromkeys(READING_KEYS) | look.read,
+        read=dict.fromkeys(READING_KEYS) | look.read_options,
         family=look.family,
-        fewest=FIRST_COUNT,
+        fewest=INITIAL_COUNT,
         material=look.material,
         point=look.point,
         direction=look.direction,
-        ball=look.ball,
+        ball=look.ball_radius,
         ball_material=json.dumps(inspection.BALL_MATERIAL),
         drop=drop,
-        groups=listed(json.dumps(name, ensure_ascii=False) for name in look.groups),
+        groups=names_text(json.dumps(name, ensure_ascii=False) for name in look.groups),
         fall={
             "height": inspection.FALL_HEIGHT,
-            "tilt": list(inspection.TILT),
-            "until": MOST_IMPACTS,
-            "friction": inspection.FRICTION,
+            "tilt": list(inspection.FALL_TILT),
+            "until": DEFAULT_IMPACTS,
+            "friction": inspection.FLOOR_FRICTION,
             "floor": inspection.FLOOR_MATERIAL,
         },
         json=json.dumps,
@@ -139,7 +144,7 @@ def text(name: str, source: str, look: Inspection, drop: bool = False) -> str:
 # --- The picture ----------------------------------------------------------------------------------
 
 
-def _picture(path: Path, look: Inspection, drop: bool) -> str:
+def _write_picture(path: Path, look: Inspection, drop: bool) -> str:
     """Draw the part unless the file exists; returns a sentence on the picture."""
     if path.exists():
         return (
@@ -148,13 +153,13 @@ def _picture(path: Path, look: Inspection, drop: bool) -> str:
         )
     try:
         with progress.doing(f"drawing {path.name}"):
-            draw(look, path, drop=drop)
+            draw_part(look, path, drop=drop)
     except AntioscError as error:
         return f"{path.name} is not drawn: {error}"
     return f"a picture of it: {path}"
 
 
-def draw(look: Inspection, path: Path, *, drop: bool = False) -> None:
+def draw_part(look: Inspection, path: Path, *, drop: bool = False) -> None:
     """Draw the outer faces of a part; without `drop` also its supports and its impact."""
     from antiosc.plot.charts import save_figure
     from antiosc.plot.surfaces import Deformed, deformed_figure
@@ -172,17 +177,17 @@ def draw(look: Inspection, path: Path, *, drop: bool = False) -> None:
         faces = np.arange(len(points)).reshape(-1, count)
         arrow = np.array(look.point), np.array(look.direction)
         part = Deformed(points, points, faces, np.where(fixed, 1.0, np.nan), "", 1.0)
-        figure = deformed_figure(part, arrow=arrow, view=_view(arrow[1]), whole_scale=True)
+        figure = deformed_figure(part, arrow=arrow, view=_view_angles(arrow[1]), whole_scale=True)
         held_text = "yellow: held; " if fixed.any() else ""
         figure.text(0.02, 0.02, f"{held_text}red: where and how it is struck")
     save_figure(figure, path, dpi=100)
 
 
-def _view(direction: Array) -> Array:
+def _view_angles(direction: Array) -> Array:
     """(elevation, azimuth) [degrees] from which a face struck in `direction` (3,) is seen."""
-    elevation, azimuth = np.radians(VIEWS).T
+    elevation, azimuth = np.radians(VIEW_ANGLES).T
     level = np.cos(elevation)
     towards = [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]
     cosines = -(direction @ np.array(towards)) / np.linalg.norm(direction)
-    seen = cosines >= WELL_SEEN
-    return np.array(VIEWS[int(np.argmax(seen if seen.any() else cosines))])
+    seen = cosines >= MIN_VIEW_COSINE
+    return np.array(VIEW_ANGLES[int(np.argmax(seen if seen.any() else cosines))])

@@ -20,29 +20,29 @@ from antiosc.base.errors import InputError, by_weight
 from antiosc.base.texts import capitalised, engineering
 from antiosc.models.body import info_of
 from antiosc_app import cards, falls, live, live_data, report, results
-from antiosc_app.cards import MOST_CAUTIONS
+from antiosc_app.cards import MAX_CAUTIONS
 from antiosc_app.edited import (
-    FLOORS,
-    HAMMERS,
-    MATERIALS,
+    FLOOR_MATERIALS,
+    ISOTROPIC_MATERIALS,
     MATERIALS_THAT_YIELD,
     OWN_MATERIAL,
+    STEEL_HAMMERS,
     EditedScene,
     Table,
-    toml,
+    toml_text,
 )
-from antiosc_app.headline import largest_stress
+from antiosc_app.headline import judged_stress_data
 from antiosc_app.inspecting import inspect_part, inspect_structure
 from antiosc_app.inspection import CONTACT_TEXTS, Inspection
-from antiosc_app.kept import Kept
+from antiosc_app.kept import PartCache
 from antiosc_app.live import Data
 from antiosc_app.scene_file import run
 from antiosc_app.scene_file.build import Evaluation
-from antiosc_app.scene_file.compiled import compiled
-from antiosc_app.scene_file.document import Document, SceneFileError, read
-from antiosc_app.scene_file.scene import STUDIES
-from antiosc_app.scene_file.settled import Settled, begin, settled
-from antiosc_app.working import Worker
+from antiosc_app.scene_file.compiled import compile_document
+from antiosc_app.scene_file.document import Document, SceneFileError, read_document
+from antiosc_app.scene_file.scene import COMMAND_STUDIES
+from antiosc_app.scene_file.settled import SettledScene, begin_settling, settle
+from antiosc_app.working import PageWorker
 
 if TYPE_CHECKING:
     from antiosc import Site, Structure
@@ -50,23 +50,26 @@ if TYPE_CHECKING:
     from antiosc_app.skin import PageSkin
 
 #: Rank that stands for all pieces joined, and its words.
-JOINED, JOINED_TEXT = 0, "all joined"
+JOINED_RANK, JOINED_TEXT = 0, "all joined"
 #: What another page is told once a piece was opened.
-PIECE_CHANGED = "another piece of the file was opened meanwhile: load this page again."
+PIECE_CHANGED_TEXT = "another piece of the file was opened meanwhile: load this page again."
 #: Most sites of a map, unless the page asks for another number.
-MOST_SITES = 200
+DEFAULT_SITE_COUNT = 200
 
 
-class Answer(NamedTuple):
-    """Results of a scene with this `text`; `whole`: with stresses, not the history alone."""
+class SceneAnswer(NamedTuple):
+    """Results of a scene with this `scene_text`.
 
-    text: str
-    settled: Settled
+    `has_stresses`: with stresses, not the history alone.
+    """
+
+    scene_text: str
+    settled: SettledScene
     results: run.SceneResults
-    whole: bool
+    has_stresses: bool
 
 
-class Opened:
+class OpenPart:
     """A part that is open in a browser; it answers the calls of the page."""
 
     def __init__(
@@ -82,14 +85,14 @@ class Opened:
         self._given = structure
         self._options: Table = {"unit": unit, "size": size}
         self._choice: Table = {"piece": piece, "contact": contact}
-        self._worker = Worker()
-        self._kept = Kept(structure)
+        self._worker = PageWorker()
+        self._kept = PartCache(structure)
         self._look: Inspection | None = None
         self._whole: Inspection | None = None
         self._scene: EditedScene | None = None
         self._first: Data = {}
         self._opening = 0
-        self._answer: Answer | None = None
+        self._answer: SceneAnswer | None = None
         #: name in an address -> report that was written
         self.reports: dict[str, Path] = {}
         #: the site that was struck last
@@ -99,17 +102,17 @@ class Opened:
     def calls(self) -> dict[str, Callable[[Table], object]]:
         """Name of a call of the page -> the function that answers it."""
         steps: dict[str, Callable[[Table], Data]] = {
-            **{"settle": self._force_with_bars, "show": self._all_results, "map": self._map},
-            "write": self._write,
+            **{"settle": self._force_with_bars, "show": self._all_results, "map": self._map_data},
+            "write": self._write_results,
         }
-        answers = {name: self._step(step) for name, step in steps.items()}
+        answers = {name: self._page_call(step) for name, step in steps.items()}
         return {
             **answers,
             "look": lambda _: self._worker.compute(self._part_and_scene),
             "take": lambda values: self._worker.compute(lambda: self._take_piece(values)),
-            "edit": self._edit,
+            "edit": self._edit_scene,
             "stop": lambda _: {"turn": self._worker.next_turn()},
-            "names": lambda _: {"folder": self._folder, "names": _free_names(self._path)},
+            "names": lambda _: {"folder": self._part_folder, "names": _free_names(self._path)},
             "progress": lambda _: self._worker.progress(),
         }
 
@@ -117,12 +120,12 @@ class Opened:
         """Accept no further work; what is being computed ends at its next step."""
         self._worker.close()
 
-    def _step(self, step: Callable[[Table], Data]) -> Callable[[Table], Data]:
+    def _page_call(self, step: Callable[[Table], Data]) -> Callable[[Table], Data]:
         """A call of the page that computes `step` on the worker, for the page's turn."""
 
         def call(values: Table) -> Data:
             turn = checks.whole("turn", values.get("turn"), least=0)
-            return self._worker.compute(lambda: without_lines(lambda: step(values)), turn)
+            return self._worker.compute(lambda: without_line_numbers(lambda: step(values)), turn)
 
         return call
 
@@ -131,56 +134,56 @@ class Opened:
     def _part_and_scene(self) -> Data:
         """Data of the part, which is opened if it is not yet, and of the scene as it is now."""
         if not self._first:
-            self._first = self._open()
-        return {**self._first, **self._edited.told(), "turn": self._worker.turn}
+            self._first = self._open_part()
+        return {**self._first, **self._edited_scene.page_state(), "turn": self._worker.turn}
 
     @property
-    def _edited(self) -> EditedScene:
+    def _edited_scene(self) -> EditedScene:
         """The edited scene; InputError before the part is open."""
         if self._scene is None:
             raise InputError("the part is not open yet.")
         return self._scene
 
-    def _open(self) -> Data:
+    def _open_part(self) -> Data:
         """Read the part, begin its scene, and return the data that the page needs of both."""
-        from antiosc_app.skin import places
+        from antiosc_app.skin import face_places
 
-        look = self._look = self._inspected()
-        self._scene, (shape, faces, _) = first_scene(self._path, look, self._kept.evaluation)
+        look = self._look = self._inspect()
+        self._scene, (shape, faces, _) = first_scene(self._path, look, self._kept.cached_evaluation)
         self._answer = None
         self._opening += 1
         own = self._given is not None
         return {
             "name": self._path.name,
             "opening": self._opening,
-            "pieces": self._pieces(look),
-            "piece": look.read.get("piece", JOINED),
-            "contact": look.read.get("contact", ""),
-            "contacts": CONTACT_TEXTS if "contact" in look.read else {},
+            "pieces": self._piece_rows(look),
+            "piece": look.read_options.get("piece", JOINED_RANK),
+            "contact": look.read_options.get("contact", ""),
+            "contacts": CONTACT_TEXTS if "contact" in look.read_options else {},
             "told": _file_sentences(look, own),
             "skin": shape,
             "faces": list(faces),
-            "places": places(shape, list(faces)),
-            "materials": [] if look.of_deck else [*MATERIALS, OWN_MATERIAL],
-            "striker_materials": [*MATERIALS, OWN_MATERIAL],
-            "hammers": HAMMERS,
-            "floors": FLOORS,
+            "places": face_places(shape, list(faces)),
+            "materials": [] if look.is_deck else [*ISOTROPIC_MATERIALS, OWN_MATERIAL],
+            "striker_materials": [*ISOTROPIC_MATERIALS, OWN_MATERIAL],
+            "hammers": STEEL_HAMMERS,
+            "floors": FLOOR_MATERIALS,
             "family": look.family,
-            "of_deck": look.of_deck and not own,
-            "refines": look.meshed or not own,
-            "strengths": MATERIALS_THAT_YIELD if look.of_deck and not own else [],
+            "of_deck": look.is_deck and not own,
+            "refines": look.is_meshed or not own,
+            "strengths": MATERIALS_THAT_YIELD if look.is_deck and not own else [],
             "saves": not own,
-            "engine": live.engine(),
+            "engine": live.engine_wasm(),
         }
 
-    def _inspected(self) -> Inspection:
+    def _inspect(self) -> Inspection:
         """Inspect the part, or the piece of it that was chosen."""
         if self._given is not None:
             return inspect_structure(self._given)
         piece, contact = self._choice["piece"], self._choice["contact"]
         if self._whole is None:
             self._whole = inspect_part(self._path, contact=contact, **self._options)
-        if piece in (None, self._whole.read.get("piece", JOINED)):
+        if piece in (None, self._whole.read_options.get("piece", JOINED_RANK)):
             return self._whole
         more: Table = {"piece": piece, "contact": contact, "whole": self._whole}
         return inspect_part(self._path, **more, **self._options)
@@ -195,39 +198,43 @@ class Opened:
             contact = checks.choice("contact", values["contact"], tuple(CONTACT_TEXTS))
             self._choice, self._whole = {"piece": None, "contact": contact}, None
         else:
-            piece = checks.whole("piece", values.get("piece"), least=JOINED)
-            if piece == JOINED and (self._whole is None or "piece" in self._whole.read):
+            piece = checks.whole("piece", values.get("piece"), least=JOINED_RANK)
+            if piece == JOINED_RANK and (
+                self._whole is None or "piece" in self._whole.read_options
+            ):
                 raise InputError(f"the pieces of {self._path.name} are not joined.")
             self._choice = {**self._choice, "piece": piece}
         try:
-            self._first = self._open()
+            self._first = self._open_part()
         except BaseException:
             vars(self).update(before)
             raise
         self._worker.next_turn()
         return {}
 
-    def _pieces(self, look: Inspection) -> list[tuple[int, str]]:
+    def _piece_rows(self, look: Inspection) -> list[tuple[int, str]]:
         """(rank, text) of each piece of the part, and of all joined if they can be."""
         joined = (
-            [] if self._whole is None or "piece" in self._whole.read else [(JOINED, JOINED_TEXT)]
+            []
+            if self._whole is None or "piece" in self._whole.read_options
+            else [(JOINED_RANK, JOINED_TEXT)]
         )
         told = [(rank, _piece_text(rank, piece)) for rank, piece in enumerate(look.pieces, 1)]
         return [*joined, *told] if told else []
 
     # -- the scene
 
-    def _edit(self, values: Table) -> Data:
+    def _edit_scene(self, values: Table) -> Data:
         """Change the scene, or undo a change; returns the new scene and its turn."""
         if values.get("opening", self._opening) != self._opening:
-            raise InputError(PIECE_CHANGED)
+            raise InputError(PIECE_CHANGED_TEXT)
         changes = {name: value for name, value in values.items() if name != "opening"}
         if changes == {"undo": True}:
-            self._edited.undo()
+            self._edited_scene.undo()
         else:
             stressed, cells = self._worst_cells() if "finer" in changes else ((), 0.0)
-            without_lines(lambda: self._edited.change(changes, stressed, cells))
-        return {**self._edited.told(), "turn": self._worker.next_turn()}
+            without_line_numbers(lambda: self._edited_scene.change(changes, stressed, cells))
+        return {**self._edited_scene.page_state(), "turn": self._worker.next_turn()}
 
     def _worst_cells(self) -> tuple[list[float], float]:
         """(place [m] of the last run's largest stress or [], cell size [m] at the site or 0)."""
@@ -235,68 +242,73 @@ class Opened:
             return [], 0.0
         made = self._answer.results
         sizes = [size for size, _, _ in (info_of(made.history.model).cells or {}).values()]
-        worst = largest_stress(made.stresses or {}).get("stress_place")
+        worst = judged_stress_data(made.stresses or {}).get("stress_place")
         return worst or [], min(sizes, default=0.0)
 
-    def _run(self, whole: bool, more: Table | None = None) -> Answer:
-        """Run the scene with `more` sections, as `antiosc run` does; `whole`: with stresses."""
-        document = self._edited.document(more)
-        text = document.problems.text
-        known = self._answer if self._answer is not None and self._answer.text == text else None
-        if known is not None and known.whole >= whole:
-            return known
-        state = self._settled(document) if known is None else known.settled
+    def _run_scene(self, with_stresses: bool, more_sections: Table | None = None) -> SceneAnswer:
+        """Run the scene with `more_sections`, as `antiosc run` does.
 
-        makes = STUDIES["map" if more else "run"].makes
-        wanted = makes if whole else makes[: makes.index("history") + 1]
-        made = run.results(state.scene, wanted, state.evaluate)
+        `with_stresses`: with stresses.
+        """
+        document = self._edited_scene.document(more_sections)
+        text = document.mistakes.text
+        known = (
+            self._answer if self._answer is not None and self._answer.scene_text == text else None
+        )
+        if known is not None and known.has_stresses >= with_stresses:
+            return known
+        state = self._settled_scene(document) if known is None else known.settled
+
+        makes = COMMAND_STUDIES["map" if more_sections else "run"].made_fields
+        wanted = makes if with_stresses else makes[: makes.index("history") + 1]
+        made = run.make_results(state.scene, wanted, state.evaluation)
         before = [] if known is None else known.results.warnings
         made.warnings = by_weight([*before, *made.warnings])
-        answer = Answer(text, state, made, whole)
-        if not more:
+        answer = SceneAnswer(text, state, made, with_stresses)
+        if not more_sections:
             self._answer = answer
             if state.scene.model is not None:
-                self.site = state.scene.model.arguments["site"].made
+                self.site = state.scene.model.arguments["site"].result
         return answer
 
-    def _settled(self, document: Document) -> Settled:
+    def _settled_scene(self, document: Document) -> SettledScene:
         """The scene of a document with numbers in place of "auto"."""
-        begun = begin(document, self._kept)
-        first = run.results(begun.scene, ("structure",), begun.evaluate)
+        begun = begin_settling(document, self._kept)
+        first = run.make_results(begun.scene, ("structure",), begun.evaluation)
         begun.scene.warnings[:] = first.warnings
-        return settled(document, begun)
+        return settle(document, begun)
 
     # -- the steps of an answer
 
     def _force_with_bars(self, _: Table) -> Data:
         """Compute the force with its error bars; {} for a fall, which has no such step."""
-        made = self._run(whole=False).results
+        made = self._run_scene(with_stresses=False).results
         return {} if made.history is None else self._impact_data(made)
 
     def _all_results(self, _: Table) -> Data:
         """Compute all that `antiosc run` prints, and motion and stress for the picture."""
-        made = self._run(whole=True).results
+        made = self._run_scene(with_stresses=True).results
         if made.history is None:
-            told = {**falls.data_of_fall(made.fall, made.worst), "summary": summary(made)}
+            told = {**falls.data_of_fall(made.fall, made.worst), "summary": summary_data(made)}
             return told
         from antiosc_app import live_meshes
 
         told = self._impact_data(made)
-        told["part"] = live_meshes.of_structure(made.structure, made.history)
-        told |= largest_stress(made.stresses or {})
+        told["part"] = live_meshes.part_data(made.structure, made.history)
+        told |= judged_stress_data(made.stresses or {})
         return told
 
     def _impact_data(self, made: run.SceneResults) -> Data:
         """The data of an impact for the page."""
         hit = made.history
-        blow = live.blow_of_history(hit, run.error_budget(hit))
+        blow = live.impact_of_history(hit, run.error_budget(hit))
         if blow is None:
             raise InputError("the page cannot repeat this impact.")
         info = info_of(hit.model)
         return {
             "blow": blow,
             "place": live.striker_place(hit, blow),
-            "summary": summary(made),
+            "summary": summary_data(made),
             "taken": {
                 "sites.radius": hit.model.patch_radius,
                 "sites.point": info.point,
@@ -306,65 +318,65 @@ class Opened:
             "python": repr(self.site),
         }
 
-    def _map(self, values: Table) -> Data:
+    def _map_data(self, values: Table) -> Data:
         """Compute the impact at many points of the face `where`, or of the part."""
-        if self._edited.falls:
+        if self._edited_scene.is_fall:
             raise InputError("a fall has no map: choose a ball, a mass or a hammer.")
-        hit = self._run(whole=False).results.history
-        most = checks.whole("most_sites", values.get("most_sites", MOST_SITES))
+        hit = self._run_scene(with_stresses=False).results.history
+        most = checks.whole("most_sites", values.get("most_sites", DEFAULT_SITE_COUNT))
         of_map: Table = {"most_sites": most, "duration": float(hit.time[-1]), "n": hit.model.n}
         if hit.model.patch_radius:
             of_map["radius"] = float(hit.model.patch_radius)
         if self._look is not None and self._look.family != "Solid":
-            of_map["direction"] = self._edited.site["direction"]
+            of_map["direction"] = self._edited_scene.site["direction"]
         if values.get("where"):
             of_map["where"] = str(values["where"])
 
-        made = self._run(whole=True, more={"map": of_map}).results
+        made = self._run_scene(with_stresses=True, more_sections={"map": of_map}).results
         data = live_data.data_of_map(made.map, made.structure)
         if data is None:
             raise InputError("this map has too many sites for the page: map one face.")
-        return {**data, "summary": summary(made)}
+        return {**data, "summary": summary_data(made)}
 
     # -- files
 
     @property
-    def _folder(self) -> str:
+    def _part_folder(self) -> str:
         """Path of the part's folder, to which scene and report are written."""
         return str(self._path.resolve().parent)
 
-    def _write(self, values: Table) -> Data:
+    def _write_results(self, values: Table) -> Data:
         """Write scene and report beside the part; the user has confirmed their names."""
         names = _free_names(self._path)
         if self._given is not None or values.get("agreed") != names:
             raise InputError("the files to be written are not those that were agreed to.")
-        made = self._run(whole=True).results
+        made = self._run_scene(with_stresses=True).results
         scene, page = (self._path.with_name(name) for name in names)
         try:
             with scene.open("x", encoding="utf-8") as stream:
-                stream.write(toml(self._edited.sections))
+                stream.write(toml_text(self._edited_scene.sections))
         except OSError as error:
             raise InputError(f"cannot write {scene.name}: {error.strerror}.") from None
-        made.compiled.document = read(scene)
+        made.compiled.document = read_document(scene)
         report.write_page(made, results.presentations(made), page)
         name = f"report_{len(self.reports) + 1}"
         self.reports[name] = page.resolve()
         again = f"antiosc run {shlex.quote(str(scene.resolve()))}"
-        return {"folder": self._folder, "written": names, "again": again, "report": name}
+        return {"folder": self._part_folder, "written": names, "again": again, "report": name}
 
 
 def first_scene(
     path: Path, look: Inspection, evaluation: Callable[[Document], Evaluation] = Evaluation
 ) -> tuple[EditedScene, PageSkin]:
     """(first scene of a part, its skin); `evaluation` makes the structure of the scene."""
-    from antiosc_app.skin import skin
+    from antiosc_app.skin import page_skin
 
-    scene = compiled(EditedScene(path, look, {}, ()).document())
-    shown = skin(evaluation(scene.document)(scene.structure), look)
-    return EditedScene(path, look, shown.faces, shown.held), shown
+    scene = compile_document(EditedScene(path, look, {}, ()).document())
+    shown = page_skin(evaluation(scene.document)(scene.structure), look)
+    return EditedScene(path, look, shown.faces, shown.held_faces), shown
 
 
-def without_lines(work: Callable[[], Any]) -> Any:
+def without_line_numbers(work: Callable[[], Any]) -> Any:
     """The result of `work`; mistakes of the scene are raised without file name and line."""
     try:
         return work()
@@ -372,18 +384,18 @@ def without_lines(work: Callable[[], Any]) -> Any:
         raise InputError(str(error.__cause__ or error.sentence)) from None
 
 
-def summary(made: run.SceneResults) -> Data:
+def summary_data(made: run.SceneResults) -> Data:
     """Data of a run for the page: cards, rows, cautions, and the text of `antiosc run`."""
     parts = results.presentations(made)
     first = parts[1]
-    told = cards.cautions(first.caution, made.warnings)
+    told = cards.listed_cautions(first.caution, made.warnings)
     return {
         "cards": first.cards,
         "rows": first.rows,
-        "cautions": told[:MOST_CAUTIONS],
-        "more": told[MOST_CAUTIONS:],
+        "cautions": told[:MAX_CAUTIONS],
+        "more": told[MAX_CAUTIONS:],
         "sentences": first.sentences if made.map is not None else [],
-        "text": results.text(made, parts),
+        "text": results.long_text(made, parts),
     }
 
 
@@ -393,17 +405,17 @@ def _piece_text(rank: int, piece: Piece) -> str:
     return f"{rank}: {size} mm{f', {piece.name}' if piece.name else ''}"
 
 
-def _file_sentences(look: Inspection, own: bool) -> list[str]:
+def _file_sentences(look: Inspection, is_given: bool) -> list[str]:
     """Sentences on the part: size, mass, unit, and decisions made while its file was read.
 
-    `own`: whether the caller gave a structure in place of a file.
+    `is_given`: whether the caller gave a structure in place of a file.
     """
-    told = [f"{look.sides_text()}, {look.cells}"]
+    told = [f"{look.sides_text()}, {look.cells_text}"]
     with contextlib.suppress(InputError):
         told.append(f"mass {engineering(look.mass, 'kg')}")
-    if "unit" in look.read:
+    if "unit" in look.read_options:
         told.append(f"unit of the file: {look.unit_text()}; antiosc open --unit changes it")
-    if look.of_deck and look.free_deck and not own:
+    if look.is_deck and look.is_free_deck and not is_given:
         told.append("the deck holds it nowhere")
     return [f"{'; '.join(told)}.", *map(capitalised, look.notes)]
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Most curves of one chart.
-MOST_CURVES = 12
+MAX_CURVES = 12
 
 
 class Picture(NamedTuple):
@@ -34,7 +34,7 @@ class Picture(NamedTuple):
     ending: str = ".png"
 
 
-class Drawn(NamedTuple):
+class DrawnPicture(NamedTuple):
     """A drawn picture; `data`: its data URL, or "" if drawing failed, for the caption's reason."""
 
     heading: str
@@ -42,7 +42,7 @@ class Drawn(NamedTuple):
     data: str
 
 
-def drawn_pictures(pictures: Iterable[Picture]) -> Iterator[Drawn]:
+def drawn_pictures(pictures: Iterable[Picture]) -> Iterator[DrawnPicture]:
     """Draw pictures as data URLs; every rank must call it, since fields are distributed."""
     for picture in pictures:
         caption = picture.caption
@@ -57,30 +57,30 @@ def drawn_pictures(pictures: Iterable[Picture]) -> Iterator[Drawn]:
                 data_url = f"data:image/{kind};base64,{content}"
             except (AntioscError, ValueError) as error:  # ValueError: a name read as a formula
                 caption = f"Not drawn: {error}"
-        yield Drawn(picture.heading, caption, data_url)
+        yield DrawnPicture(picture.heading, caption, data_url)
 
 
-def chart(heading: str, caption: str, fill: Callable[[Axes], object]) -> Picture:
-    """A picture for which the function `fill` draws into new axes."""
+def chart_picture(heading: str, caption: str, draw_axes: Callable[[Axes], object]) -> Picture:
+    """A picture for which the function `draw_axes` draws into new axes."""
 
     def draw(path: Path) -> None:
         figure = new_figure((7.0, 3.4), shown=False)
-        fill(figure.subplots())
+        draw_axes(figure.subplots())
         save_figure(figure, path)
 
     return Picture(heading, caption, draw, ".svg")
 
 
-def curves(series: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None:
+def draw_curves(series: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None:
     """Draw at most MOST_CURVES curves (name, times [s], values) into `ax`; `y`: its label."""
-    for name, time, values in islice(series, MOST_CURVES):
-        ax.plot(1e3 * time, values, lw=1.2, label=escaped(name))
+    for name, time, values in islice(series, MAX_CURVES):
+        ax.plot(1e3 * time, values, lw=1.2, label=escaped_name(name))
     ax.set_xlabel("time (ms)")
     ax.set_ylabel(y)
     legend_beside(ax)
 
 
-def escaped(name: str) -> str:
+def escaped_name(name: str) -> str:
     """A user's name, safe for matplotlib: no formulas, no control characters, not too long."""
     printable = "".join(c if c.isprintable() else "?" for c in name.replace("$", r"\$"))
     if len(printable) <= 60:
@@ -95,7 +95,7 @@ Columns: TypeAlias = dict[str, Any]
 Block: TypeAlias = Rows | Columns | str
 
 #: Largest number of rows of a table that are printed; the files contain all.
-PRINTED_ROWS = 30
+MAX_PRINTED_ROWS = 30
 # -- texts and tables
 
 
@@ -107,26 +107,26 @@ def format_rows(rows: Rows) -> str:
 
 def format_columns(table: Columns) -> str:
     """A table as text with prefixed units; of a long one the first PRINTED_ROWS rows."""
-    columns = with_prefixes(table)
+    columns = with_unit_prefixes(table)
     rows = list(zip(*columns.values(), strict=True))
     cells = [
         list(columns),
-        *([format_number(value) for value in row] for row in rows[:PRINTED_ROWS]),
+        *([format_number(value) for value in row] for row in rows[:MAX_PRINTED_ROWS]),
     ]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     pairs = [zip(row, widths, strict=True) for row in cells]
     text = ["  ".join(f"{cell:>{width}}" for cell, width in row).rstrip() for row in pairs]
-    if len(rows) > PRINTED_ROWS:
-        text.append(f"… and {len(rows) - PRINTED_ROWS} more rows (the .csv file has all)")
+    if len(rows) > MAX_PRINTED_ROWS:
+        text.append(f"… and {len(rows) - MAX_PRINTED_ROWS} more rows (the .csv file has all)")
     return "\n".join(text)
 
 
-def with_prefixes(table: Columns) -> dict[str, list[object]]:
+def with_unit_prefixes(table: Columns) -> dict[str, list[object]]:
     """A table whose values are scaled to prefixed units: "time (s)" -> "time (µs)"."""
-    return dict(_column(name, list(values)) for name, values in table.items())
+    return dict(_prefixed_column(name, list(values)) for name, values in table.items())
 
 
-def _column(name: str, values: list[object]) -> tuple[str, list[object]]:
+def _prefixed_column(name: str, values: list[object]) -> tuple[str, list[object]]:
     """(name, values) of a column named as "time (s)", scaled to the prefix of the largest value."""
     title, _, unit = name.partition(" (")
     if unit == "%)":  # error bars: their further digits mean nothing
@@ -148,7 +148,7 @@ def format_number(value: object) -> str:
     return str(value)
 
 
-def spaced(name: str) -> str:
+def spaced_name(name: str) -> str:
     """The name with blanks in place of underscores."""
     return name.replace("_", " ")
 

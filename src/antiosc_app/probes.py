@@ -15,18 +15,18 @@ from antiosc.base.errors import AntioscError, without_warnings
 from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import engineering, plain, point_text, prefixed
 from antiosc.extension import ProbeError
-from antiosc_app.presentation import MOST_CURVES, Columns, Rows, curves, spaced
+from antiosc_app.presentation import MAX_CURVES, Columns, Rows, draw_curves, spaced_name
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.run import SceneResults
-from antiosc_app.scene_file.scene import place_of, probe_times
-from antiosc_app.scene_file.shock import Shock
+from antiosc_app.scene_file.scene import place_arguments, probe_times
+from antiosc_app.scene_file.shock import ProbeShock
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
 #: Units of the quantities of probes.
-UNITS = {
+QUANTITY_UNITS = {
     "displacement": "m",
     "velocity": "m/s",
     "acceleration": "m/s²",
@@ -35,7 +35,7 @@ UNITS = {
     "von_mises": "Pa",
 }
 #: Number of section forces -> their names and units.
-SECTION_FORCES = {
+SECTION_FORCE_UNITS = {
     1: {"N": "N"},
     3: {"N": "N", "V": "N", "M": "N m"},
     6: {"N": "N", "Vy": "N", "Vz": "N", "T": "N m", "My": "N m", "Mz": "N m"},
@@ -45,14 +45,14 @@ SECTION_FORCES = {
 }
 
 
-class Probe:
+class ProbeResult:
     """Result of one probe: values (n, c) of c components at n times [s], and their error."""
 
     def __init__(self, results: SceneResults, name: str) -> None:
         call = results.compiled.probes[name]
         given = call.arguments
         self.name = name
-        self.shock: Shock | None = results.spectra.get(name)
+        self.shock: ProbeShock | None = results.spectra.get(name)
         self.quantity: str = given.get("quantity", "displacement")
         self.filter: str | None = given.get("filter")
         times = given.get("times", results.history.time)
@@ -67,17 +67,17 @@ class Probe:
         self.unfiltered = (
             None if self.filter is None else _largest_magnitude(without_filter(results, call))
         )
-        self.error = _error(results, call)
-        self.point = _point(results, call)
+        self.error = _probe_error(results, call)
+        self.point = _probe_point(results, call)
 
     @property
     def is_vector(self) -> bool:
         """Whether the quantity is a vector, whose largest value is that of its magnitude."""
-        return self.quantity in UNITS and not self.tensor and len(self.units()) > 1
+        return self.quantity in QUANTITY_UNITS and not self.tensor and len(self.units()) > 1
 
     def units(self) -> dict[str, str]:
         """Component -> unit, in the order of the columns of `values`; "" names a scalar's."""
-        unit = UNITS.get(self.quantity, "")
+        unit = QUANTITY_UNITS.get(self.quantity, "")
         count = self.values.shape[1]
         if self.scalar:
             return {"": unit}
@@ -85,7 +85,7 @@ class Probe:
             names = "xx xy xz yy yz zz" if count == 6 else "xx xy yy"
             return dict.fromkeys(names.split(), unit)
         if self.quantity == "section_forces":
-            return SECTION_FORCES[count]
+            return SECTION_FORCE_UNITS[count]
         in_plane = (self.quantity, count) == ("rotation", 1)
         return dict.fromkeys("z" if in_plane else "xyz"[:count], unit)
 
@@ -114,7 +114,7 @@ class Probe:
         if self.is_vector:
             values = np.linalg.norm(values, axis=1)[:, None]
             units = {"magnitude": next(iter(units.values()))}
-        component, row, value = _largest_of(values, units)
+        component, row, value = _largest_component(values, units)
         peak: Columns = {
             "quantity": self.quantity,
             "filter": self.filter,
@@ -140,10 +140,10 @@ class Probe:
             numbers["srs"] = self.shock.numbers()
         return numbers
 
-    def fact(self) -> tuple[str, str]:
+    def peak_row(self) -> tuple[str, str]:
         """(name, text) of the largest value with its error bar."""
         peak = self.peak()
-        name = ", ".join(filter(None, (f"{self.name}: {spaced(self.quantity)}", self.filter)))
+        name = ", ".join(filter(None, (f"{self.name}: {spaced_name(self.quantity)}", self.filter)))
         bar = "" if self.error is None else f" {self.error}"
         g = f" ({plain(peak['g'], 3)} g)" if "g" in peak else ""
         told = f"{engineering(peak['value'], peak['unit'])}{bar}{g}"
@@ -169,12 +169,12 @@ class Probe:
         return name, self.times, self.values[:, k], unit
 
 
-def probes_of(results: SceneResults) -> list[Probe]:
+def probes_of(results: SceneResults) -> list[ProbeResult]:
     """The probes of a scene. All ranks must call it."""
-    return [Probe(results, name) for name in results.probes or ()]
+    return [ProbeResult(results, name) for name in results.probes or ()]
 
 
-def files_of(probes: Sequence[Probe]) -> dict[str, Columns]:
+def csv_files_of(probes: Sequence[ProbeResult]) -> dict[str, Columns]:
     """Name of a CSV file -> columns; signals at equal times, and spectra at equal frequencies,
     share a file.
     """
@@ -183,22 +183,24 @@ def files_of(probes: Sequence[Probe]) -> dict[str, Columns]:
     return _merged_tables("probes", signals) | _merged_tables("srs", spectra)
 
 
-def draw_signals(probes: Sequence[Probe], ax: Axes) -> None:
+def draw_signals(probes: Sequence[ProbeResult], ax: Axes) -> None:
     """Draw the signals of probes; if their quantities differ, each over its largest value."""
-    signals = [probe.signal() for probe in probes[:MOST_CURVES]]
+    signals = [probe.signal() for probe in probes[:MAX_CURVES]]
     largest = [float(np.abs(values).max()) for _, _, values, _ in signals]
     kinds = {(probe.quantity, signal[3]) for probe, signal in zip(probes, signals, strict=False)}
     if len(kinds) == 1:
         ((quantity, unit),) = kinds
         factor, scaled = prefixed(max(largest), unit)
         series = [(name, time, factor * values) for name, time, values, _ in signals]
-        curves(series, f"{spaced(quantity)} ({scaled})" if scaled else spaced(quantity), ax)
+        draw_curves(
+            series, f"{spaced_name(quantity)} ({scaled})" if scaled else spaced_name(quantity), ax
+        )
         return
     shares = [
         (f"{name}, at most {engineering(most, unit)}", time, values / (most or 1.0))
         for (name, time, values, unit), most in zip(signals, largest, strict=True)
     ]
-    curves(shares, "share of the largest value", ax)
+    draw_curves(shares, "share of the largest value", ax)
 
 
 def _merged_tables(stem: str, tables: Iterable[Columns]) -> dict[str, Columns]:
@@ -233,7 +235,7 @@ def _largest_magnitude(values: Any) -> float:
     return float(np.linalg.norm(rows, axis=1).max())
 
 
-def _error(results: SceneResults, call: Call) -> ProbeError | None:
+def _probe_error(results: SceneResults, call: Call) -> ProbeError | None:
     """The error of a probe's largest value; None if it cannot be estimated."""
     hit = results.history
     if results.structure is None or isinstance(hit, SceneHistory):
@@ -244,24 +246,24 @@ def _error(results: SceneResults, call: Call) -> ProbeError | None:
     evaluate.register(results.compiled.structure, results.structure)
     evaluate.register(results.compiled.history, hit)
     with suppress(AntioscError), without_warnings():
-        error: ProbeError = evaluate(replace(call, make=probe_error))
+        error: ProbeError = evaluate(replace(call, function=probe_error))
         return error
     return None
 
 
-def _point(results: SceneResults, call: Call) -> tuple[float, ...] | None:
+def _probe_point(results: SceneResults, call: Call) -> tuple[float, ...] | None:
     """The point [m] of the part at which a probe lies; None if it is not known."""
     if results.structure is None:
         return None
     from antiosc.extension import probed_point
 
     with suppress(AntioscError):
-        x: Any = probed_point(results.structure, **place_of(call))
+        x: Any = probed_point(results.structure, **place_arguments(call))
         return None if x is None else tuple(x.tolist())
     return None
 
 
-def _largest_of(values: Array, names: Iterable[str]) -> tuple[str, int, float]:
+def _largest_component(values: Array, names: Iterable[str]) -> tuple[str, int, float]:
     """(component, row, value) of the largest of values (n, c)."""
     row, k = np.unravel_index(int(np.argmax(np.abs(values))), values.shape)
     return list(names)[k], int(row), float(values[row, k])

@@ -36,19 +36,25 @@ from antiosc.base.errors import (
 from antiosc.base.packages import loading
 from antiosc.base.texts import capitalised
 from antiosc_app import info, live, live_data
-from antiosc_app.cards import FAR, FORCE, MOST_CAUTIONS, STRESS, cautions
-from antiosc_app.headline import largest_stress
+from antiosc_app.cards import (
+    DEFLECTION_QUESTION,
+    FORCE_QUESTION,
+    MAX_CAUTIONS,
+    STRESS_QUESTION,
+    listed_cautions,
+)
+from antiosc_app.headline import judged_stress_data
 from antiosc_app.live import Data
 from antiosc_app.presentation import (
     Card,
     Presentation,
     drawn_pictures,
     format_number,
-    with_prefixes,
+    with_unit_prefixes,
 )
 from antiosc_app.quantities import quantities
 from antiosc_app.results import presentations
-from antiosc_app.scene_file.run import SceneResults, error_budget, on_first
+from antiosc_app.scene_file.run import SceneResults, error_budget, on_first_rank
 from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
 from antiosc_app.scene_file.schema import Output
 
@@ -58,7 +64,7 @@ if TYPE_CHECKING:
     from antiosc_app.scene_file.scene import CompiledScene
 
 
-def folder(path: str | os.PathLike[str]) -> Path:
+def created_folder(path: str | os.PathLike[str]) -> Path:
     """Create the folder of the results if it is missing; returns its path."""
     target = checks.path("--out", path)
     try:
@@ -75,12 +81,14 @@ def write_table(path: Path, columns: Mapping[str, Sequence[object]]) -> Path:
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(map(files.table_text, columns))
-    writer.writerows([_cell(entry) for entry in row] for row in zip(*columns.values(), strict=True))
+    writer.writerows(
+        [_csv_cell(entry) for entry in row] for row in zip(*columns.values(), strict=True)
+    )
     files.write_text(path, stream.getvalue(), "the table")
     return path
 
 
-def _cell(value: object) -> object:
+def _csv_cell(value: object) -> object:
     """A cell of a CSV file: floats with all digits, nothing for NaN, no spreadsheet formulas."""
     if isinstance(value, float | np.floating):
         if math.isnan(value):
@@ -93,22 +101,24 @@ def _cell(value: object) -> object:
 
 def write_numbers(path: Path, content: Mapping[str, object]) -> Path:
     """Write numbers as a JSON file, NaN and infinity as null; returns its path."""
-    header = {"antiosc": info.version(), "units": "SI"}
-    text = json.dumps(live.plain({**header, **content}), indent=1, allow_nan=False)
+    header = {"antiosc": info.antiosc_version(), "units": "SI"}
+    text = json.dumps(live.plain_json({**header, **content}), indent=1, allow_nan=False)
     files.write_text(path, text + "\n", "the numbers")
     return path
 
 
-def write_output(results: SceneResults, parts: Sequence[Presentation], target: Path) -> list[Path]:
-    """Write the files that [output] requests to the folder `target`; returns their paths.
+def write_output(
+    results: SceneResults, parts: Sequence[Presentation], folder_path: Path
+) -> list[Path]:
+    """Write the files that [output] requests to the folder `folder_path`; returns their paths.
 
     All ranks must call it; the first one writes.
     """
     output_call = results.compiled.output
-    output = Output() if output_call is None else output_call.made
+    output = Output() if output_call is None else output_call.result
     written: list[Path] = []
     if output.fields and results.history is not None and results.structure is not None:
-        path = antiosc.write_series(results.structure, results.history, target / "series.pvd")
+        path = antiosc.write_series(results.structure, results.history, folder_path / "series.pvd")
         written.append(Path(path))
     tables = (
         {n: t for part_shown in parts for n, t in part_shown.tables.items()} if output.csv else {}
@@ -122,20 +132,20 @@ def write_output(results: SceneResults, parts: Sequence[Presentation], target: P
         }
         content["quantities"] = quantities(results)
 
-    def files_of_first() -> tuple[list[Path], list[str]]:
+    def write_on_first() -> tuple[list[Path], list[str]]:
         warnings: list[str] = []
-        paths = [write_table(target / name, table) for name, table in tables.items()]
+        paths = [write_table(folder_path / name, table) for name, table in tables.items()]
         if content:
-            paths.append(write_numbers(target / "result.json", content))
+            paths.append(write_numbers(folder_path / "result.json", content))
         if output.model and results.model is not None:
-            results.model.save(target / "model.npz")
-            paths.append(target / "model.npz")
+            results.model.save(folder_path / "model.npz")
+            paths.append(folder_path / "model.npz")
         if output.fields:
             writers = ((n, field) for part_shown in parts for n, field in part_shown.fields.items())
-            paths += [field(target / name) for name, field in writers]
+            paths += [field(folder_path / name) for name, field in writers]
         shown = ((n, plotted) for part_shown in parts for n, plotted in part_shown.plotted.items())
         for name, plotted in shown if output.plot is not None else ():
-            path = target / f"{name}.{output.plot}"
+            path = folder_path / f"{name}.{output.plot}"
             try:
                 if hasattr(plotted, "plot"):
                     plotted.plot(path)
@@ -144,18 +154,22 @@ def write_output(results: SceneResults, parts: Sequence[Presentation], target: P
                 warnings.append(f"{path.name} is not drawn: {error}")
         return paths, warnings
 
-    paths, warnings = on_first(files_of_first)
+    paths, warnings = on_first_rank(write_on_first)
     results.warnings.extend(warnings)
     return [*written, *paths]
 
 
 #: Answer -> name of its number on the live page.
-LIVE_NUMBERS = {FORCE: "peak_force", FAR: "site_deflection", STRESS: "stress"}
+LIVE_NUMBERS = {
+    FORCE_QUESTION: "peak_force",
+    DEFLECTION_QUESTION: "site_deflection",
+    STRESS_QUESTION: "stress",
+}
 #: Headings of the pictures that replace the live view in print and without scripts.
 STILL_HEADINGS = ("Deformed structure", "Map")
 
 
-def writable_path(path: str) -> Path:
+def writable_report_path(path: str) -> Path:
     """The path of a report; InputError if it is not named .html or its folder is missing."""
     target = checks.path("--report", path)
     if target.suffix.lower() not in (".html", ".htm"):
@@ -195,7 +209,7 @@ def write_report(
         For another kind of result, or a file that cannot be written.
     """
     reported, file = checks.what_and_path(result, path)
-    target = writable_path(os.fspath(checks.path("path", file)))
+    target = writable_report_path(os.fspath(checks.path("path", file)))
     title = target.stem if title is None else checks.text("title", title)
     page_results = _results_of(reported, structure, title)
     return write_page(page_results, presentations(page_results), target)[0]
@@ -247,38 +261,40 @@ def write_page(results: SceneResults, parts: Sequence[Presentation], path: Path)
 
     Every rank must call it, since fields and dimensions of a structure are distributed.
     """
-    text = page(results, parts)
-    on_first(lambda: files.write_text(path, text, "the report"))
+    text = report_html(results, parts)
+    on_first_rank(lambda: files.write_text(path, text, "the report"))
     return [path]
 
 
-def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
+def report_html(results: SceneResults, parts: Sequence[Presentation]) -> str:
     """The HTML text of a report; `parts`: the presentations of `results`, the model first."""
-    data = _live(results)
+    data = _live_data(results)
     model, *parts = parts
-    told = cautions(" ".join(part.caution for part in parts if part.caution), results.warnings)
+    told = listed_cautions(
+        " ".join(part.caution for part in parts if part.caution), results.warnings
+    )
     notes = [one for one in by_weight(results.warnings) if weight(one) == NOTE]
-    program = f"antiosc {info.version()}"
+    program = f"antiosc {info.antiosc_version()}"
     date = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
     names = [program, f"Python {platform.python_version()}, NumPy {np.__version__}", date]
     source = ""
     if results.compiled is not None:
         document = results.compiled.document
         names.insert(0, document.path.name)
-        source = _uncommented(document.problems.text)
+        source = _without_comments(document.mistakes.text)
 
-    script = "" if data is None else live.script()
+    script = "" if data is None else live.page_script()
     views = (picture for part in (*parts, model) for picture in part.pictures)
     pictures = list(drawn_pictures(views))
     stills = [one for one in pictures if one.heading.startswith(STILL_HEADINGS) and one.data]
-    return rendered(
+    return rendered_template(
         Path(__file__).with_name("page") / "report.html",
         title=results.title,
         origin=f"{', '.join(names)}. All numbers are in SI units.",
         cards=[card for part in parts for card in (*part.cards, *(Card(*x) for x in part.asked))],
         keys=LIVE_NUMBERS,
-        cautions=told[:MOST_CAUTIONS],
-        more=[*told[MOST_CAUTIONS:], *map(capitalised, notes)],
+        cautions=told[:MAX_CAUTIONS],
+        more=[*told[MAX_CAUTIONS:], *map(capitalised, notes)],
         sentences=[sentence for part in parts for sentence in part.sentences],
         sections=[section for part in parts for section in part.of_report],
         details=list(model.sections.items()),
@@ -286,21 +302,21 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
         pictures=[picture for picture in pictures if picture not in stills[:1]],
         program=program,
         source=source,
-        style=live.style(),
+        style=live.page_style(),
         script=script,
-        policy=live.policy(script),
-        live="" if data is None else live.embedded(data),
-        drawn="" if data is None else live.caption(data),
+        policy=live.content_policy(script),
+        live="" if data is None else live.embedded_json(data),
+        drawn="" if data is None else live.set_up_caption(data),
     )
 
 
-def _uncommented(scene: str) -> str:
+def _without_comments(scene: str) -> str:
     """The text of a scene without its comment lines and the blank lines around them."""
     lines = [line for line in scene.splitlines() if not line.lstrip().startswith("#")]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip() + "\n"
 
 
-def _live(results: SceneResults) -> Data | None:
+def _live_data(results: SceneResults) -> Data | None:
     """The data from which the page repeats an impact, a map or a fall; None for other results."""
     fall, hit = results.fall, results.history
     if fall is not None:
@@ -312,10 +328,10 @@ def _live(results: SceneResults) -> Data | None:
     if hit is None or isinstance(hit, SceneHistory):
         return None
     data = live_data.data_of_history(hit, results.structure, error_budget(hit))
-    return None if data is None else data | largest_stress(results.stresses or {})
+    return None if data is None else data | judged_stress_data(results.stresses or {})
 
 
-def rendered(template: Path, **content: object) -> str:
+def rendered_template(template: Path, **content: object) -> str:
     """The text of the jinja2 template with `content` inserted, escaped if it is HTML."""
     try:
         with loading():
@@ -332,14 +348,14 @@ def rendered(template: Path, **content: object) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"shown": format_number, "prefixed": with_prefixes}
-    environment.filters["zipped"] = _zipped
+    environment.filters |= {"shown": format_number, "prefixed": with_unit_prefixes}
+    environment.filters["zipped"] = _table_rows
     environment.tests["numeric"] = lambda cell: (
         format_number(cell).strip("-–+.0123456789eE% ") == ""
     )
     return str(environment.get_template(template.name).render(content))
 
 
-def _zipped(columns: Iterable[Iterable[object]]) -> Iterator[tuple[object, ...]]:
+def _table_rows(columns: Iterable[Iterable[object]]) -> Iterator[tuple[object, ...]]:
     """The rows of a table of columns of equal length."""
     return zip(*columns, strict=True)

@@ -33,15 +33,15 @@ from antiosc_app.presentation import (
     Picture,
     Presentation,
     Rows,
-    chart,
-    curves,
-    escaped,
+    chart_picture,
+    draw_curves,
+    escaped_name,
     format_rows,
-    spaced,
+    spaced_name,
 )
-from antiosc_app.probes import Probe, draw_signals, files_of, probes_of, without_filter
-from antiosc_app.scene_file.document import label
-from antiosc_app.scene_file.run import Nominal, SceneResults, error_budget, varied
+from antiosc_app.probes import ProbeResult, csv_files_of, draw_signals, probes_of, without_filter
+from antiosc_app.scene_file.document import place_text
+from antiosc_app.scene_file.run import NominalImpact, SceneResults, error_budget, varied_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,20 +49,20 @@ if TYPE_CHECKING:
     from antiosc import Fall, Many, PeakField, Structure
 
 #: Heading of the structure and its model.
-MODEL = "Model"
-ENERGIES = ("kinetic", "strain", "contact", "dissipated")
+MODEL_HEADING = "Model"
+ENERGY_NAMES = ("kinetic", "strain", "contact", "dissipated")
 
 
 # -- the structure and its model
 
 
-def _model(results: SceneResults) -> Presentation:
+def _present_model(results: SceneResults) -> Presentation:
     """Present the structure and its reduced model."""
     structure, model = results.structure, results.model
     presentation = Presentation()
     rows: Rows = []
     if structure is not None:
-        rows += [("structure", structure.describe()), *mass_of(structure)]
+        rows += [("structure", structure.describe()), *mass_row(structure)]
         presentation.numbers["structure"] = structure.describe()
         with suppress(InputError):  # some matrices do not know it
             presentation.numbers["mass"] = structure.mass
@@ -79,7 +79,7 @@ def _model(results: SceneResults) -> Presentation:
         draw = partial(plot_model, model)
         presentation.pictures = [Picture("Dynamic stiffness", caption, draw, ".svg")]
     if rows:
-        presentation.sections[MODEL] = [rows]
+        presentation.sections[MODEL_HEADING] = [rows]
     return presentation
 
 
@@ -106,7 +106,7 @@ def _model_rows(model: AntiOscillators) -> Rows:
     return [*rows, ("frequencies" if point else "antiresonances", f"{lowest or 'none'}{more} Hz")]
 
 
-def mass_of(structure: Structure) -> Rows:
+def mass_row(structure: Structure) -> Rows:
     """One row (name, text): the mass of a structure, or why it is not known."""
     try:
         return [("mass", engineering(structure.mass, "kg", 4))]
@@ -117,7 +117,7 @@ def mass_of(structure: Structure) -> Rows:
 # -- an impact
 
 
-def _impact(results: SceneResults) -> Presentation:
+def _present_impact(results: SceneResults) -> Presentation:
     """Present an impact, or the contacts of a scene, with probes and largest stresses."""
     hit = results.history
     peaks = results.stresses or {}
@@ -126,7 +126,7 @@ def _impact(results: SceneResults) -> Presentation:
     single = not isinstance(hit, SceneHistory)
 
     columns = hit.columns()
-    columns |= {f"{name} energy (J)": getattr(hit.energy, name) for name in ENERGIES}
+    columns |= {f"{name} energy (J)": getattr(hit.energy, name) for name in ENERGY_NAMES}
     numbers: Columns = hit.numbers()
     if budget is not None:
         numbers["error_budget"] = {name: budget.shares(name) for name in budget}
@@ -140,11 +140,11 @@ def _impact(results: SceneResults) -> Presentation:
     facts = [("striker", headline.striker_text(hit.impactor))] if single else _contact_table(hit)
     return Presentation(
         cards=cards.cards_of_history(hit, budget, peaks) if single else [],
-        asked=[probe.fact() for probe in probes],
+        asked=[probe.peak_row() for probe in probes],
         rows=cards.rows_of_history(hit, budget, peaks) if single else [],
-        caution=headline.caution_of(hit, budget),
+        caution=headline.caution_of_impact(hit, budget),
         sentences=headline.sentences_of_history(hit, budget, peaks),
-        tables={"history.csv": columns, **files_of(probes)},
+        tables={"history.csv": columns, **csv_files_of(probes)},
         numbers={
             "result": numbers,
             "probes": {probe.name: probe.numbers() for probe in probes},
@@ -162,11 +162,11 @@ def _impact(results: SceneResults) -> Presentation:
 
 def _contact_table(hit: History) -> Columns:
     """Table of the numbers of each contact of a scene, one row a contact."""
-    contacts = _contacts(hit)
+    contacts = _contacts_by_ends(hit)
     table: Columns = {"contact": [f"{a} – {b}" for a, b in contacts]}
     for name, unit in QUANTITIES.items():
         values = [getattr(contact, name) for contact in contacts.values()]
-        table[f"{spaced(name)} ({unit})"] = values
+        table[f"{spaced_name(name)} ({unit})"] = values
     return table | {"contacts": [len(contact.contacts) for contact in contacts.values()]}
 
 
@@ -187,7 +187,7 @@ def _error_blocks(hit: History, budget: ErrorBudget | None) -> list[Block]:
     table: Columns = {"Error budget": [*budget.causes, f"total{budget.condition}"]}
     for name in budget:
         shares = [budget.shares(name)[cause] for cause in causes]
-        table[spaced(name)] = ["–" if share is None else percent(share) for share in shares]
+        table[spaced_name(name)] = ["–" if share is None else percent(share) for share in shares]
     return [rows, table, *budget.notes]
 
 
@@ -223,34 +223,36 @@ def _margin_numbers(peak: PeakField) -> Columns:
     return {"margin": {key: getattr(margin, key) for key in MARGIN_KEYS}}
 
 
-def _impact_pictures(results: SceneResults, probes: Sequence[Probe]) -> list[Picture]:
+def _impact_pictures(results: SceneResults, probes: Sequence[ProbeResult]) -> list[Picture]:
     """Pictures of an impact: force, motion, energies, probes, spectra, structure, stress."""
     hit = results.history
-    contacts = _contacts(hit)
+    contacts = _contacts_by_ends(hit)
     if contacts:
         forces = [(f"{a} – {b}", one.time, one.force) for (a, b), one in contacts.items()]
-        draw = partial(curves, forces, "contact force (N)")
-        pictures = [chart("Contact force", "Force (N) over time.", draw)]
+        draw = partial(draw_curves, forces, "contact force (N)")
+        pictures = [chart_picture("Contact force", "Force (N) over time.", draw)]
     else:
         pictures = [
-            chart(
+            chart_picture(
                 "Contact force", "Force (N) over time; its bar as a band.", partial(plot_force, hit)
             ),
-            chart(
+            chart_picture(
                 "Displacements",
                 "Displacements of the site and of the impactor over time.",
                 partial(plot_motion, hit),
             ),
         ]
-    energies = [(name, hit.time, getattr(hit.energy, name)) for name in ENERGIES]
+    energies = [(name, hit.time, getattr(hit.energy, name)) for name in ENERGY_NAMES]
     caption = "Energies (J) of both bodies, of the contact and of what is dissipated, over time."
-    pictures.append(chart("Energies", caption, partial(curves, energies, "energy (J)")))
+    pictures.append(
+        chart_picture("Energies", caption, partial(draw_curves, energies, "energy (J)"))
+    )
     if probes:
         caption = (
             "The component of each probe with the largest value; of probes with several units each"
             " is divided by its largest value, which the legend states."
         )
-        pictures.append(chart("Probes", caption, partial(draw_signals, probes)))
+        pictures.append(chart_picture("Probes", caption, partial(draw_signals, probes)))
     for probe in probes:
         if probe.shock is not None:
             caption = f"Probe {probe.name}: {probe.shock.sentence}."
@@ -264,7 +266,7 @@ def _impact_pictures(results: SceneResults, probes: Sequence[Probe]) -> list[Pic
         shape = partial(plot_deformed, results.structure, hit, **_impact_arrow(results.model))
         pictures.append(Picture("Deformed structure", caption, shape))
     for name, peak in (results.stresses or {}).items():
-        caption = f"The largest value at each node over the run: {spaced(name)}."
+        caption = f"The largest value at each node over the run: {spaced_name(name)}."
         pictures.append(Picture("Largest stress", caption, peak.plot))
     return pictures
 
@@ -278,7 +280,7 @@ def _impact_arrow(model: AntiOscillators) -> Columns:
     return {}
 
 
-def _contacts(history: History) -> dict[tuple[str, str], Any]:
+def _contacts_by_ends(history: History) -> dict[tuple[str, str], Any]:
     """(end, end) -> contact of a scene of several contacts; {} for a single impact."""
     if not isinstance(history, SceneHistory):
         return {}
@@ -288,11 +290,11 @@ def _contacts(history: History) -> dict[tuple[str, str], Any]:
 # -- falls
 
 
-def _fall(results: SceneResults) -> Presentation:
+def _present_fall(results: SceneResults) -> Presentation:
     """Present a fall or an ensemble of falls, with accelerometers and largest stress."""
     fall, worst = results.fall, results.worst
     single = hasattr(fall, "flights")
-    table = fall_table(fall) if single else quantiles(fall, FALL_QUANTITIES)
+    table = fall_table(fall) if single else quantile_table(fall, FALL_QUANTITIES)
     numbers: Columns = {"fall": table | {"status": fall.status, "message": fall.message}}
     peaks = results.peaks or {}
     numbers["accelerometers"] = {name: vars(peak) | {"g": peak.g} for name, peak in peaks.items()}
@@ -355,32 +357,39 @@ def fall_table(fall: Fall) -> Columns:
 #: Quantities of an ensemble of falls, and their units.
 FALL_QUANTITIES = QUANTITIES | {"lost": "J"}
 #: Before the errors and verdicts of a study.
-OWN_IMPACT = "Errors, stresses and verdicts are those of the scene's own impact:"
+OWN_IMPACT_SENTENCE = "Errors, stresses and verdicts are those of the scene's own impact:"
 
 
-def quantiles(ensemble: Many, units: Mapping[str, str]) -> Columns:
+def quantile_table(ensemble: Many, units: Mapping[str, str]) -> Columns:
     """Table of an ensemble's quantiles with confidence limits; `units`: quantity -> unit."""
     names = ("quantity", "quantile", "value", "low", "high")
     rows = []
     for name, unit in units.items():
         for q in ensemble.quantiles:
             found = ensemble.quantile(name, q)
-            rows.append((f"{spaced(name)} ({unit})", q, found.value, found.low, found.high))
+            rows.append((f"{spaced_name(name)} ({unit})", q, found.value, found.low, found.high))
     return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
 
 
-def _nominal_blocks(nominal: Nominal | None) -> list[Block]:
+def _nominal_blocks(nominal: NominalImpact | None) -> list[Block]:
     """Blocks with the answers of a study's impact at its own values, as of `antiosc run`."""
     if nominal is None:
         return []
     hit, _, fields = nominal
     budget = error_budget(hit)
     rows: Rows = [card[:2] for card in cards.cards_of_history(hit, budget, fields)]
-    told = [headline.caution_of(hit, budget), *headline.sentences_of_history(hit, budget, fields)]
-    return [OWN_IMPACT, [*rows, *cards.rows_of_history(hit, budget)], " ".join(filter(None, told))]
+    told = [
+        headline.caution_of_impact(hit, budget),
+        *headline.sentences_of_history(hit, budget, fields),
+    ]
+    return [
+        OWN_IMPACT_SENTENCE,
+        [*rows, *cards.rows_of_history(hit, budget)],
+        " ".join(filter(None, told)),
+    ]
 
 
-def _nominal_numbers(nominal: Nominal | None) -> Columns:
+def _nominal_numbers(nominal: NominalImpact | None) -> Columns:
     """Numbers of a study's impact at its own values, for result.json; {} without one."""
     if nominal is None:
         return {}
@@ -388,14 +397,16 @@ def _nominal_numbers(nominal: Nominal | None) -> Columns:
     return {"nominal": of_run}
 
 
-def _sweep(results: SceneResults) -> Presentation:
+def _present_sweep(results: SceneResults) -> Presentation:
     """Present a sweep: a table with the values and results of each impact."""
     batch = results.batch
-    values = {label(place): list(given) for place, given in varied(results.compiled).items()}
+    values = {
+        place_text(place): list(given) for place, given in varied_values(results.compiled).items()
+    }
     table: Columns = dict(values)
     bars = [budget and budget.shares("peak_force")["total"] for budget in results.facts]
     for name, unit in QUANTITIES.items():
-        table[f"{spaced(name)} ({unit})"] = getattr(batch, name)
+        table[f"{spaced_name(name)} ({unit})"] = getattr(batch, name)
         if name == "peak_force" and any(bar is not None for bar in bars):
             given = any(budget and budget.law for budget in results.facts)
             table["± without the law (%)" if given else "± (%)"] = 100 * np.array(bars, dtype=float)
@@ -406,7 +417,7 @@ def _sweep(results: SceneResults) -> Presentation:
         numbers={"sweep": table, **_nominal_numbers(results.nominal)},
         sections={"Sweep": [table, *_nominal_blocks(results.nominal)]},
         pictures=[
-            chart(
+            chart_picture(
                 "Sweep",
                 "Peak force (N) of each impact, over the first value that varies.",
                 partial(_draw_sweep, values, batch.peak_force),
@@ -420,14 +431,14 @@ def _draw_sweep(values: Mapping[str, list[Any]], force: Array, ax: Axes) -> None
     name, first = next(iter(values.items()))
     numbers = all(isinstance(value, int | float) for value in first)
     ax.plot(first if numbers else range(len(first)), force, "o", ms=4)
-    ax.set_xlabel(escaped(name))
+    ax.set_xlabel(escaped_name(name))
     ax.set_ylabel("peak force (N)")
 
 
-def _sample(results: SceneResults) -> Presentation:
+def _present_sample(results: SceneResults) -> Presentation:
     """Present a Monte Carlo study: quantiles, and inputs and results of each run."""
     sample = results.sample
-    table = quantiles(sample, QUANTITIES)
+    table = quantile_table(sample, QUANTITIES)
     caption = "Peak forces (N) of the runs, and their quantiles with the bars of their number."
     return Presentation(
         tables={"monte_carlo.csv": sample.table()},
@@ -438,7 +449,7 @@ def _sample(results: SceneResults) -> Presentation:
     )
 
 
-def _blow(results: SceneResults) -> Presentation:
+def _present_found_impact(results: SceneResults) -> Presentation:
     """Present the blow that `find_impact` found."""
     blow = results.found
     caption = "Signals in the band that is compared, and the contact force (N) that was found."
@@ -451,7 +462,7 @@ def _blow(results: SceneResults) -> Presentation:
     )
 
 
-def _tradeoff(results: SceneResults) -> Presentation:
+def _present_tradeoff(results: SceneResults) -> Presentation:
     """Present a trade-off: error and cost of each method."""
     compared = results.tradeoff
     assert compared is not None
@@ -476,11 +487,11 @@ def _tradeoff(results: SceneResults) -> Presentation:
         numbers={"tradeoff": compared.numbers()},
         plotted={"tradeoff": compared},
         sections={"Speed against accuracy": [table, compared.message, *compared.notes]},
-        pictures=[chart("Speed against accuracy", caption, compared.draw)],
+        pictures=[chart_picture("Speed against accuracy", caption, compared.draw)],
     )
 
 
-def _map(results: SceneResults) -> Presentation:
+def _present_map(results: SceneResults) -> Presentation:
     """Present a map: the range of each quantity, and the hardest impact of each surface."""
     impact_map = results.map
     quantities, surfaces = impact_map.quantities(), impact_map.surfaces()
@@ -490,12 +501,12 @@ def _map(results: SceneResults) -> Presentation:
     if impact_map.doubtful.any():
         sites += f"; {doubts_text(impact_map)}"
     rows = [("sites", sites)]
-    labels = {name: MAP_QUANTITIES.get(name, (spaced(name), "")) for name in quantities}
+    labels = {name: MAP_QUANTITIES.get(name, (spaced_name(name), "")) for name in quantities}
     for name, values in quantities.items():
         finite = values[trusted(impact_map)]
         finite = finite[np.isfinite(finite)]
         if finite.size:
-            rows.append((labels[name][0], _range(finite, labels[name][1])))
+            rows.append((labels[name][0], _value_range_text(finite, labels[name][1])))
     for name, surface in surfaces.items() if len(surfaces) > 1 else ():
         text = f"{len(surface)} sites"
         if impact_map.peak_force is not None:
@@ -530,7 +541,7 @@ def _map(results: SceneResults) -> Presentation:
     )
 
 
-def _range(values: Array, unit: str) -> str:
+def _value_range_text(values: Array, unit: str) -> str:
     """Text "smallest to largest" of values in `unit`; those in rad/s are given in Hz."""
     values, unit = (values / (2 * np.pi), "Hz") if unit == "rad/s" else (values, unit)
     return range_text(values.min(), values.max(), unit)
@@ -540,35 +551,42 @@ def _range(values: Array, unit: str) -> str:
 
 #: Object of a scene -> function that makes its presentation.
 _PRESENTERS: dict[str, Callable[[SceneResults], Presentation]] = {
-    **{"history": _impact, "fall": _fall, "found": _blow},
-    **{"batch": _sweep, "sample": _sample, "map": _map, "tradeoff": _tradeoff},
+    **{"history": _present_impact, "fall": _present_fall, "found": _present_found_impact},
+    **{
+        "batch": _present_sweep,
+        "sample": _present_sample,
+        "map": _present_map,
+        "tradeoff": _present_tradeoff,
+    },
 }
 
 
 def presentations(results: SceneResults) -> list[Presentation]:
     """All presentations of a scene: first structure and model, then each result."""
     present = (make for name, make in _PRESENTERS.items() if getattr(results, name) is not None)
-    return [_model(results), *(make(results) for make in present)]
+    return [_present_model(results), *(make(results) for make in present)]
 
 
-def answer(results: SceneResults, parts: Sequence[Presentation]) -> str:
+def short_text(results: SceneResults, parts: Sequence[Presentation]) -> str:
     """The short text for the terminal: answers, a few rows and cautions.
 
-    Results without answers have the text of `text`. `parts`: from `presentations`.
+    Results without answers have the text of `long_text`. `parts`: from `presentations`.
     """
     first = next((part for part in parts if part.cards), None)
     if first is None:
-        return text(results, parts[1:])
-    told = cards.cautions(first.caution, results.warnings)[: cards.MOST_CAUTIONS]
-    rows = first.answers[: len(first.cards) + cards.MOST_ROWS]
+        return long_text(results, parts[1:])
+    told = cards.listed_cautions(first.caution, results.warnings)[: cards.MAX_CAUTIONS]
+    rows = first.answers[: len(first.cards) + cards.MAX_ROWS]
     title = str(results.compiled.document.data.get("title", ""))
     return "\n".join([*filter(None, [title]), format_rows(rows), *told])
 
 
-def text(results: SceneResults, parts: Sequence[Presentation]) -> str:
+def long_text(results: SceneResults, parts: Sequence[Presentation]) -> str:
     """The long text for the terminal: title, warnings that question numbers, results, model."""
     warnings = (f"warning: {one}" for one in by_weight(results.warnings) if not weight(one))
-    in_order = sorted(parts, key=lambda part: MODEL in part.sections)  # the answers stand first
+    in_order = sorted(
+        parts, key=lambda part: MODEL_HEADING in part.sections
+    )  # the answers stand first
     title = str(results.compiled.document.data.get("title", ""))
     pieces = [title, *warnings, *(piece for part in in_order for piece in part.text)]
     return "\n\n".join(filter(None, pieces))

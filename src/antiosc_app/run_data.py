@@ -40,11 +40,11 @@ CONTACT_OUTPUTS = {
 }
 SITE_OUTPUTS = {4: ("displacement", "m"), 5: ("velocity", "m/s")}
 #: Duration for which the step is chosen, in expected contact times.
-CONTACT_TIMES = 20
+CONTACT_TIME_COUNT = 20
 #: Number of doublings of that duration until the bodies part.
-MOST_DOUBLINGS = 6
+MAX_DOUBLINGS = 6
 #: Longest run over that duration.
-LONGEST_RUN = 1024
+MAX_RUN_RATIO = 1024
 #: Numbers of a contact, in the order of the model file.
 CONTACT_NUMBERS = (
     *("friction", "tangential_stiffness", "mass", "expected_depth", "expected_speed"),
@@ -80,26 +80,28 @@ class RunData:
     outputs: NDArray[np.int32]  # (O, 2) kind, and index of the contact or site
     output_variables: list[Variable]
     input_variables: list[Variable] = field(default_factory=list)
-    starts: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (N, J) by unit parameters
+    start_velocities: Array = field(
+        default_factory=lambda: np.zeros((0, 0))
+    )  # (N, J) by unit parameters
     parameter_variables: list[Variable] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Make the names of all variables distinct."""
         kinds = ("input_variables", "output_variables", "parameter_variables")
         variables = [variable for kind in kinds for variable in getattr(self, kind)]
-        names = iter(distinct(["time", *(variable.name for variable in variables)])[1:])
+        names = iter(distinct_names(["time", *(variable.name for variable in variables)])[1:])
         for kind in kinds:
             renamed = [replace(variable, name=next(names)) for variable in getattr(self, kind)]
             object.__setattr__(self, kind, renamed)
 
     @property
-    def given(self) -> PackedSystem:
+    def packed_system(self) -> PackedSystem:
         """The system in the form of the C library."""
         return self.system.packed
 
-    def counts(self) -> list[int]:
+    def size_counts(self) -> list[int]:
         """Numbers of modes, rows, contacts, breaks, sites, parameters, outputs, …"""
-        laws = [law.n_params for law, _ in self.given.laws]
+        laws = [law.n_params for law, _ in self.packed_system.laws]
         m, size = self.system.beta.shape
         return [
             size,
@@ -119,7 +121,7 @@ class RunData:
         """
         contacts = [
             (c.law.kind, c.law.n_params, c.first_tangential, c.n_tangential)
-            for c in self.given.contacts
+            for c in self.packed_system.contacts
         ]
         flat = [*np.ravel(contacts).tolist(), *self.outputs.ravel().tolist()]
         return np.array(flat, dtype=np.int32)
@@ -127,8 +129,10 @@ class RunData:
     def arrays(self) -> dict[str, Array]:
         """Name -> flat array of numbers, in the order of the model file."""
         s = self.system
-        contacts = [[getattr(c, name) for name in CONTACT_NUMBERS] for c in self.given.contacts]
-        laws = [values for _, values in self.given.laws]
+        contacts = [
+            [getattr(c, name) for name in CONTACT_NUMBERS] for c in self.packed_system.contacts
+        ]
+        laws = [values for _, values in self.packed_system.laws]
         values = np.concatenate([np.asarray(law, dtype=float) for law in laws]) if laws else []
         parts = {
             "options": [*self.options, s.contact_energy],
@@ -145,7 +149,7 @@ class RunData:
             "site_forces": self.site_forces,
             "site_shifts": self.site_shifts,
             "parameters": [law.start for law in self.parameter_variables],
-            "starts": self.starts,
+            "starts": self.start_velocities,
             "contacts": contacts,
             "law_parameters": values,
             "quadratic": () if s.quadratic is None else s.quadratic,
@@ -154,16 +158,21 @@ class RunData:
         return {name: np.ravel(np.asarray(part, dtype=float)) for name, part in parts.items()}
 
     @property
-    def memory(self) -> int:
+    def memory_bytes(self) -> int:
         """Bytes of memory that a run needs on a 64-bit machine; on others it needs no more."""
         arrays = [
             np.ascontiguousarray(array, dtype=float)
-            for array in (self.site_modes, self.site_forces, self.site_shifts, self.starts)
+            for array in (
+                self.site_modes,
+                self.site_forces,
+                self.site_shifts,
+                self.start_velocities,
+            )
         ]
         addresses = [array.ctypes.data for array in arrays]
         start = np.array([array.start for array in self.parameter_variables])
         model = library.CModel(
-            self.given.system,
+            self.packed_system.system,
             library.COptions(),
             len(self.site_modes),
             *addresses[:3],
@@ -176,9 +185,9 @@ class RunData:
         return int(library.library.axm_size(byref(model)))
 
     @property
-    def token(self) -> str:
+    def content_hash(self) -> str:
         """A hash of all numbers and names."""
-        text = hashlib.sha256(repr(self.counts()).encode())
+        text = hashlib.sha256(repr(self.size_counts()).encode())
         text.update(self.integers().tobytes())
         for part in self.arrays().values():
             text.update(part.tobytes())
@@ -187,7 +196,7 @@ class RunData:
         return text.hexdigest()[:32]
 
 
-def model_run(model: LinearBody) -> RunData:
+def run_of_model(model: LinearBody) -> RunData:
     """Data of a model alone: forces on its sites are inputs, their motions outputs."""
     body = scene_body("model", model, None)
     _refuse_coupled({"model": body})
@@ -216,7 +225,9 @@ def model_run(model: LinearBody) -> RunData:
     )
 
 
-def scene_run(scene: SceneParts, duration: float | None, tol: float, without_body: bool) -> RunData:
+def run_of_scene(
+    scene: SceneParts, duration: float | None, tol: float, without_body: bool
+) -> RunData:
     """Data of a scene's run; `duration` [s] or None for one until the bodies part.
 
     `without_body`: results of a single impact are named without the body.
@@ -227,10 +238,10 @@ def scene_run(scene: SceneParts, duration: float | None, tol: float, without_bod
                 f"the contact law {type(contact.law).__name__} is a class of your own and has no"
                 f" form in C: export a `Tabulated` law with its curve."
             )
-    shortest = CONTACT_TIMES * assemble_scene(scene, 1.0).contact_time_estimate
-    spans = [shortest * 2**k for k in range(MOST_DOUBLINGS + 1)] if duration is None else [duration]
+    shortest = CONTACT_TIME_COUNT * assemble_scene(scene, 1.0).contact_time_estimate
+    spans = [shortest * 2**k for k in range(MAX_DOUBLINGS + 1)] if duration is None else [duration]
     for span in spans:
-        assembly = _assembled(scene, span, tol)
+        assembly = _assembled_scene(scene, span, tol)
         converged = integrate_exact(assembly, span, tol, None, *_MOST_CONTACTS_AND_STEPS)
         if not without_body or not open_contacts(
             converged.run, assembly.system
@@ -252,7 +263,7 @@ def scene_run(scene: SceneParts, duration: float | None, tol: float, without_bod
     parameters, starts = _initial_speeds(assembly, without_body)
     span = float(span)  # its repr is that of C
     options = (
-        LONGEST_RUN * span,
+        MAX_RUN_RATIO * span,
         converged.share,
         0.0,
         0.0,
@@ -273,14 +284,14 @@ def scene_run(scene: SceneParts, duration: float | None, tol: float, without_bod
     )
 
 
-def _assembled(scene: SceneParts, span: float, tol: float) -> Assembly:
-    """The scene for a run of `span` seconds, with the second-order forces that `simulate` uses."""
-    assembly = assemble_scene(scene, span)
+def _assembled_scene(scene: SceneParts, duration: float, tol: float) -> Assembly:
+    """The scene for a run of `duration` [s], with the second-order forces that `simulate` uses."""
+    assembly = assemble_scene(scene, duration)
     _refuse_coupled(assembly.bodies)
     set_initial_forces(assembly.system, assembly.scene.preload)
     if not assembly.stretches:
         return assembly
-    return integrate(SceneHistory, assembly, span, Settings(tol)).assembly
+    return integrate(SceneHistory, assembly, duration, Settings(tol)).assembly
 
 
 def _refuse_coupled(bodies: Mapping[str, SceneBody]) -> None:
@@ -340,9 +351,9 @@ def _site_outputs(names: Sequence[str]) -> tuple[NDArray[np.int32], list[Variabl
     return _output_specs(SITE_OUTPUTS, len(names)), variables
 
 
-def _output_specs(kinds: Mapping[int, object], count: int) -> NDArray[np.int32]:
+def _output_specs(output_kinds: Mapping[int, object], count: int) -> NDArray[np.int32]:
     """(kind, index) (count * len(kinds), 2) of the outputs of `count` contacts or sites."""
-    specs = [(kind, i) for i in range(count) for kind in kinds]
+    specs = [(kind, i) for i in range(count) for kind in output_kinds]
     return np.array(specs, dtype=np.int32).reshape(-1, 2)
 
 
@@ -365,7 +376,7 @@ def _initial_speeds(assembly: Assembly, without_body: bool) -> tuple[list[Variab
     return variables, np.array(rows).reshape(len(rows), assembly.system.omega.size)
 
 
-def distinct(names: Iterable[str]) -> list[str]:
+def distinct_names(names: Iterable[str]) -> list[str]:
     """The names, made distinct by "_2", "_3", …."""
     used: list[str] = []
     for name in names:
@@ -376,8 +387,8 @@ def distinct(names: Iterable[str]) -> list[str]:
 
 def model_file(data: RunData) -> bytes:
     """Content of the file resources/model.aom that `csrc/export/fmu.c` reads."""
-    mark = np.array([*data.counts(), 0x01020304, library.VERSION], dtype="<i4")
-    token = data.token.encode().ljust(64, b"\0")
+    mark = np.array([*data.size_counts(), 0x01020304, library.VERSION], dtype="<i4")
+    token = data.content_hash.encode().ljust(64, b"\0")
     numbers = np.concatenate(list(data.arrays().values())).astype("<f8")
     ints = data.integers().astype("<i4")
     content = b"AOMMODEL" + mark.tobytes() + token + ints.tobytes() + numbers.tobytes()

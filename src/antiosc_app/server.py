@@ -25,21 +25,21 @@ from typing import Any, TypeAlias
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError
 from antiosc.base.texts import capitalised
-from antiosc_app.live import embedded, policy, script
+from antiosc_app.live import content_policy, embedded_json, page_script
 
 HOST = "127.0.0.1"
 #: Header of calls with the token of the page's address.
-TOKEN = "X-Antiosc-Token"
+TOKEN_HEADER = "X-Antiosc-Token"
 #: Largest body of a call [bytes].
-LARGEST_BODY = 65_536
+MAX_BODY_BYTES = 65_536
 #: Largest headers of a call [bytes].
-LARGEST_HEADERS = 16_384
+MAX_HEADER_BYTES = 16_384
 #: Time limit [s] for each piece of a request to arrive.
-TIMEOUT = 10.0
+PIECE_TIMEOUT = 10.0
 #: Interval [s] at which the server checks whether it is closed.
-POLL = 0.1
+POLL_INTERVAL = 0.1
 #: Deepest nesting of a call's values.
-DEEPEST = 8
+MAX_DEPTH = 8
 #: Headers of every answer.
 COMMON_HEADERS = {
     "Cache-Control": "no-store",
@@ -49,10 +49,10 @@ COMMON_HEADERS = {
 }
 
 #: A call: a function from its values to a JSON value.
-Call: TypeAlias = Callable[[dict[str, Any]], object]
+PageCall: TypeAlias = Callable[[dict[str, Any]], object]
 
 
-class Refused(Exception):
+class RefusedRequest(Exception):
     """A request is refused, with this HTTP status and sentence."""
 
     def __init__(self, status: HTTPStatus, sentence: str) -> None:
@@ -60,7 +60,7 @@ class Refused(Exception):
         self.status = status
 
 
-class Server(ThreadingHTTPServer):
+class PageServer(ThreadingHTTPServer):
     """Serves `page` (HTML, Content-Security-Policy), calls and reports by name, until `close`."""
 
     daemon_threads = True
@@ -68,10 +68,10 @@ class Server(ThreadingHTTPServer):
     def __init__(
         self,
         page: tuple[str, str],
-        calls: Mapping[str, Call],
+        calls: Mapping[str, PageCall],
         reports: Mapping[str, Path] | None = None,
     ) -> None:
-        super().__init__((HOST, 0), _Request)
+        super().__init__((HOST, 0), _PageRequest)
         self.token = secrets.token_urlsafe(24)
         self.calls = calls
         self.reports = {} if reports is None else reports
@@ -86,7 +86,7 @@ class Server(ThreadingHTTPServer):
         # set in the main thread alone, as `antiosc open` and notebooks do
         with contextlib.suppress(ValueError, AttributeError):
             signal.signal(signal.SIGPIPE, signal.SIG_IGN)
-        threading.Thread(target=self.serve_forever, args=(POLL,), daemon=True).start()
+        threading.Thread(target=self.serve_forever, args=(POLL_INTERVAL,), daemon=True).start()
 
     def close(self) -> None:
         """Stop; requests in progress are not interrupted."""
@@ -97,32 +97,35 @@ class Server(ThreadingHTTPServer):
         """Ignore broken connections."""
 
 
-class _Request(BaseHTTPRequestHandler):
+class _PageRequest(BaseHTTPRequestHandler):
     """One request on a connection, which is closed after it."""
 
-    server: Server
-    timeout = TIMEOUT
+    server: PageServer
+    timeout = PIECE_TIMEOUT
     server_version = "antiosc"
     sys_version = ""
 
     def do_GET(self) -> None:
-        self._answer(self._page)
+        self._send_answer(self._page_content)
 
     def do_POST(self) -> None:
-        self._answer(self._call)
+        self._send_answer(self._call_answer)
 
-    def _answer(self, work: Callable[[], tuple[str, bytes]]) -> None:
+    def _send_answer(self, work: Callable[[], tuple[str, bytes]]) -> None:
         """Send the result (content type, content) of `work`, or its refusal."""
         try:
             self._check_source()
             kind, content = work()
             status = HTTPStatus.OK
-        except Refused as error:
+        except RefusedRequest as error:
             kind = "text/plain"
             content = f"{error}\n".encode()
             status = error.status
         self.send_response(status)
-        for name, value in {**COMMON_HEADERS, "Content-Security-Policy": self._policy()}.items():
+        for name, value in {
+            **COMMON_HEADERS,
+            "Content-Security-Policy": self._content_policy(),
+        }.items():
             self.send_header(name, value)
         self.send_header("Content-Type", f"{kind}; charset=utf-8")
         self.send_header("Content-Length", str(len(content)))
@@ -132,23 +135,25 @@ class _Request(BaseHTTPRequestHandler):
     def _check_source(self) -> None:
         """Refuse a request whose headers are not those of the page itself."""
         headers = self.headers
-        if sum(len(name) + len(value) for name, value in headers.items()) > LARGEST_HEADERS:
-            raise Refused(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, "the headers are too long.")
+        if sum(len(name) + len(value) for name, value in headers.items()) > MAX_HEADER_BYTES:
+            raise RefusedRequest(
+                HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, "the headers are too long."
+            )
         hosts = headers.get_all("Host", [])
         if len(hosts) != 1 or hosts[0] not in self.server.hosts:
-            raise Refused(HTTPStatus.FORBIDDEN, "the Host is not this server.")
+            raise RefusedRequest(HTTPStatus.FORBIDDEN, "the Host is not this server.")
         origins = headers.get_all("Origin", [])
         if any(origin != f"http://{hosts[0]}" for origin in origins):
-            raise Refused(HTTPStatus.FORBIDDEN, "another Origin may not ask.")
+            raise RefusedRequest(HTTPStatus.FORBIDDEN, "another Origin may not ask.")
         if "Transfer-Encoding" in headers:
-            raise Refused(HTTPStatus.NOT_IMPLEMENTED, "a body needs a Content-Length.")
+            raise RefusedRequest(HTTPStatus.NOT_IMPLEMENTED, "a body needs a Content-Length.")
 
     def _check_token(self, token: str) -> None:
         """Refuse a wrong token."""
         if not hmac.compare_digest(token.encode(), self.server.token.encode()):
-            raise Refused(HTTPStatus.FORBIDDEN, "the token is missing or wrong.")
+            raise RefusedRequest(HTTPStatus.FORBIDDEN, "the token is missing or wrong.")
 
-    def _page(self) -> tuple[str, bytes]:
+    def _page_content(self) -> tuple[str, bytes]:
         """(content type, content) of the page, or of a report named in the address."""
         parts = self.path.split("/")
         self._check_token(parts[1] if len(parts) > 1 else "")
@@ -157,20 +162,20 @@ class _Request(BaseHTTPRequestHandler):
         try:
             return "text/html", self.server.reports["/".join(parts[2:])].read_bytes()
         except (KeyError, OSError):
-            raise Refused(HTTPStatus.NOT_FOUND, "there is no such page.") from None
+            raise RefusedRequest(HTTPStatus.NOT_FOUND, "there is no such page.") from None
 
-    def _policy(self) -> str:
+    def _content_policy(self) -> str:
         """Content-Security-Policy of the answer: that of the page, or of a report."""
         is_report = self.path.rpartition("/")[2] in self.server.reports
-        return policy(script()) if is_report else self.server.policy
+        return content_policy(page_script()) if is_report else self.server.policy
 
-    def _call(self) -> tuple[str, bytes]:
+    def _call_answer(self) -> tuple[str, bytes]:
         """(content type, content) of the answer to a call, or of its error."""
-        self._check_token(self.headers.get(TOKEN, ""))
+        self._check_token(self.headers.get(TOKEN_HEADER, ""))
         call = self.server.calls.get(self.path.removeprefix("/"))
         if call is None:
-            raise Refused(HTTPStatus.NOT_FOUND, "there is no such call.")
-        values = self._values()
+            raise RefusedRequest(HTTPStatus.NOT_FOUND, "there is no such call.")
+        values = self._call_values()
         try:
             answer = {"answer": call(values)}
         except AntioscError as error:
@@ -181,36 +186,36 @@ class _Request(BaseHTTPRequestHandler):
             traceback.print_exc()
             name = type(error).__name__
             answer = {"error": f"The program failed ({name}: {error}); the terminal has more."}
-        return "application/json", embedded(answer).encode()
+        return "application/json", embedded_json(answer).encode()
 
-    def _values(self) -> dict[str, Any]:
+    def _call_values(self) -> dict[str, Any]:
         """The values of a call: a JSON table without NaN, not nested too deep."""
         if self.headers.get("Content-Type") != "application/json":
-            raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "a call is application/json.")
+            raise RefusedRequest(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "a call is application/json.")
         length = self.headers.get_all("Content-Length", [])
         if len(length) != 1 or not length[0].isascii() or not length[0].isdigit():
-            raise Refused(HTTPStatus.LENGTH_REQUIRED, "a call needs one Content-Length.")
-        if len(length[0]) > 9 or int(length[0]) > LARGEST_BODY:
-            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "the call is too large.")
+            raise RefusedRequest(HTTPStatus.LENGTH_REQUIRED, "a call needs one Content-Length.")
+        if len(length[0]) > 9 or int(length[0]) > MAX_BODY_BYTES:
+            raise RefusedRequest(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "the call is too large.")
         body = self.rfile.read(int(length[0]))
         if len(body) < int(length[0]):
-            raise Refused(HTTPStatus.BAD_REQUEST, "the call is cut.")
+            raise RefusedRequest(HTTPStatus.BAD_REQUEST, "the call is cut.")
         try:
             text = body.decode()
-            if checks.nests_deeper(text, DEEPEST + 1):  # the table itself is one
+            if checks.nests_deeper(text, MAX_DEPTH + 1):  # the table itself is one
                 raise ValueError("too deep")
-            values = json.loads(text, parse_constant=_finite, parse_float=_finite)
+            values = json.loads(text, parse_constant=_finite_number, parse_float=_finite_number)
         except ValueError:
             values = None
         if not isinstance(values, dict):
-            raise Refused(HTTPStatus.BAD_REQUEST, "the call is not a table in JSON.")
+            raise RefusedRequest(HTTPStatus.BAD_REQUEST, "the call is not a table in JSON.")
         return values
 
     def log_message(self, *_: object) -> None:
         """Print no requests."""
 
 
-def _finite(text: str) -> float:
+def _finite_number(text: str) -> float:
     """The number that a text states; ValueError for NaN and infinity."""
     value = float(text)
     if not math.isfinite(value):

@@ -12,10 +12,10 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
 from antiosc.extension import Faces, source, with_parts
 from antiosc.io.neutral import BOX_SIDES
-from antiosc_app.guessed import ON_PLANE, sides_of
+from antiosc_app.guessed import PLANE_TOLERANCE, sides_of
 from antiosc_app.inspection import Inspection
 from antiosc_app.live import Data
-from antiosc_app.live_meshes import LARGEST_INTEGER, drawn_surface, geometry, surface
+from antiosc_app.live_meshes import MAX_INTEGER, drawn_surface, geometry_data, surface_of_cells
 
 #: What the sides along z are called besides.
 SIDE_WORDS = {"-z": ", below", "+z": ", on top"}
@@ -32,25 +32,25 @@ class PageSkin(NamedTuple):
 
     data: Data
     faces: dict[str, SupportTable]  # name -> support that fixes it
-    held: list[str]  # names of the faces that a new scene fixes
+    held_faces: list[str]  # names of the faces that a new scene fixes
 
 
-def skin(structure: Structure, look: Inspection) -> PageSkin:
+def page_skin(structure: Structure, look: Inspection) -> PageSkin:
     """The surface of a structure and its faces; `look`: the inspection of its part."""
     members = with_parts(structure).members()
     mesh = members[0].part.mesh
     if len(members) > 1 or mesh.tdim == 1:
         points, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
-        page_surface = surface(points, cells)
+        page_surface = surface_of_cells(points, cells)
         shape, _ = drawn_surface(page_surface)
         shape["tags"] = np.zeros(len(page_surface.faces), dtype=np.uint32)
         all_faces, held_first = (
-            ({}, []) if look.of_deck else _with_guessed_support(_groups(mesh), look)
+            ({}, []) if look.is_deck else _with_guessed_support(_group_supports(mesh), look)
         )
         shape["sets"] = shape["nodes"] = [np.zeros(0, dtype=np.uint32) for _ in all_faces]
         return PageSkin(shape, all_faces, held_first)
     outer = Faces(mesh, mesh.tdim < 3)
-    groups = _groups(mesh)
+    groups = _group_supports(mesh)
     owner = np.zeros(len(outer), dtype=int)
     masks = {name: np.isin(outer.facets, mesh.groups[name].get(outer.dim, [])) for name in groups}
     for number, mask in enumerate(masks.values(), start=1):
@@ -76,8 +76,8 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
         corners = np.vstack([corners[:, [0, 1, 2]], corners[:, [1, 3, 2]]])
         owner = np.tile(owner, 2)
     used_points, faces = np.unique(corners, return_inverse=True)
-    shape = geometry(mesh.dolfinx.geometry.x[used_points], faces.reshape(-1, 3))
-    on_plane = _faces_on(outer, look.plane, mesh.extent())
+    shape = geometry_data(mesh.dolfinx.geometry.x[used_points], faces.reshape(-1, 3))
+    on_plane = _faces_on(outer, look.held_plane, mesh.extent())
     numbers = np.unique(owner[on_plane][owner[on_plane] > 0])
     has_others = np.isin(np.delete(owner[: len(outer)], on_plane), numbers).any()
     names = [name for number, name in enumerate(groups, start=1) if number in numbers]
@@ -85,7 +85,7 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     all_faces, held_first = (
         _with_guessed_support(groups, look) if has_others or not names else (groups, names)
     )
-    if look.plane is not None:
+    if look.held_plane is not None:
         masks[_plane_name(look)] = np.isin(np.arange(len(outer)), on_plane)
     shape["tags"] = owner.astype(np.uint32)
     sets = (np.tile(masks[name], 2) if doubled else masks[name] for name in all_faces)
@@ -96,13 +96,13 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     return PageSkin(shape, all_faces, held_first)
 
 
-def places(shape: Data, names: Sequence[str]) -> dict[str, str]:
+def face_places(shape: Data, names: Sequence[str]) -> dict[str, str]:
     """Name of a face -> its place: "x = 95 mm" if it is normal to an axis, else its middle [mm].
 
     `shape`: the data of the skin; `names`: those of its faces, in order.
     """
     size = 1e3 * shape["half"]
-    step = size / LARGEST_INTEGER
+    step = size / MAX_INTEGER
     corners = shape["points"].reshape(-1, 3) * step + 1e3 * np.array(shape["middle"])
     told = {}
     for name, triangles in zip(names, shape["sets"], strict=True):
@@ -129,7 +129,7 @@ def _line_nodes(mesh: Mesh, held: SupportTable) -> IntArray:
     return np.unique(compat.entity_vertices(mesh.dolfinx, dim)[parts[dim]])
 
 
-def _groups(mesh: Mesh) -> dict[str, SupportTable]:
+def _group_supports(mesh: Mesh) -> dict[str, SupportTable]:
     """Name -> support of each group of faces, edges or points, the largest first."""
     size = {
         name: sum(len(entities) for dim, entities in parts.items() if dim == max(parts))
@@ -165,21 +165,21 @@ def _with_guessed_support(
     faces: dict[str, SupportTable], look: Inspection
 ) -> tuple[dict[str, SupportTable], list[str]]:
     """(`faces` with the guessed supporting plane, names of the faces that a new scene fixes)."""
-    if look.of_deck:  # which has supports of its own
+    if look.is_deck:  # which has supports of its own
         return faces, []
-    if look.where:
-        return faces, list(look.where)
-    if look.plane is None:
+    if look.held_groups:
+        return faces, list(look.held_groups)
+    if look.held_plane is None:
         return faces, []
     name = _plane_name(look)
-    return {**faces, name: {"plane": look.plane}}, [name]
+    return {**faces, name: {"plane": look.held_plane}}, [name]
 
 
 def _plane_name(look: Inspection) -> str:
     """Name of the guessed supporting plane, as "side -z of the box, below"."""
-    point, normal = np.array(look.plane)
+    point, normal = np.array(look.held_plane)
     axis = int(np.abs(normal).argmax())
-    is_low = point[axis] < (look.low[axis] + look.high[axis]) / 2
+    is_low = point[axis] < (look.box_low[axis] + look.box_high[axis]) / 2
     side = BOX_SIDES[2 * axis + (not is_low)]
     return f"side {side} of the box{SIDE_WORDS.get(side, '')}"
 
@@ -189,7 +189,7 @@ def _faces_on(outer: Faces, plane: Sequence[Sequence[float]] | None, size: float
     if plane is None:
         return np.zeros(0, dtype=int)
     point, normal = np.array(plane)
-    return np.flatnonzero(_on_plane(outer.corners, point, normal, size))
+    return np.flatnonzero(_is_on_plane(outer.corners, point, normal, size))
 
 
 def _flat_sides(mesh: Mesh, outer: Faces, owner: IntArray, names: int) -> dict[str, SupportTable]:
@@ -207,14 +207,14 @@ def _flat_sides(mesh: Mesh, outer: Faces, owner: IntArray, names: int) -> dict[s
             continue
         point = outer.corners[members[0], 0]
         normal = outer.normals[members[0]]
-        if not _on_plane(outer.corners[members], point, normal, size).all():
+        if not _is_on_plane(outer.corners[members], point, normal, size).all():
             continue
         sides[f"flat side {len(sides) + 1}"] = {"plane": [point.tolist(), normal.tolist()]}
-        owner[(owner == 0) & _on_plane(outer.corners, point, normal, size)] = names + len(sides)
+        owner[(owner == 0) & _is_on_plane(outer.corners, point, normal, size)] = names + len(sides)
     return sides
 
 
-def _on_plane(corners: Array, point: Array, normal: Array, size: float) -> BoolArray:
+def _is_on_plane(corners: Array, point: Array, normal: Array, size: float) -> BoolArray:
     """Mask (F,) of the faces with corners (F, v, 3) on a plane; `size` [m]: that of the part."""
     distance = np.abs((corners - point) @ normal).max(axis=1)
-    return np.asarray(distance < ON_PLANE * size)
+    return np.asarray(distance < PLANE_TOLERANCE * size)

@@ -17,38 +17,42 @@ from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.base.progress import print_text
 from antiosc_app import live
 from antiosc_app.inspecting import check_size
-from antiosc_app.report import rendered
+from antiosc_app.report import rendered_template
 from antiosc_app.scene_file.run import communicator
-from antiosc_app.server import Server
+from antiosc_app.server import PageServer
 
 with finite_element_packages():
     from antiosc import read_mesh  # noqa: F401 (the page reads a part as soon as it is open)
-    from antiosc_app.opened import Opened
+    from antiosc_app.opened import OpenPart
 
 if TYPE_CHECKING:
     from antiosc import Site, Structure
 
 #: Sources that may show the page in a frame: none, or notebooks of this machine.
-NOBODY = "'none'"
-NOTEBOOKS = "'self' http://127.0.0.1:* http://localhost:*"
+NO_FRAMES = "'none'"
+NOTEBOOK_FRAMES = "'self' http://127.0.0.1:* http://localhost:*"
 #: Height of the frame in a notebook [pixels].
-HEIGHT = 900
+FRAME_HEIGHT = 900
 
 
 class View:
     """The page of a part, served on this machine until `close`; its `address` grants access."""
 
-    def __init__(self, opened: Opened, title: str, frames: str) -> None:
+    def __init__(self, opened: OpenPart, title: str, frames: str) -> None:
         self._opened = opened
-        program = live.script(live.OPEN)
-        html = rendered(
-            live.FOLDER / "open.html", title=title, style=live.style(), script=program, drawn=""
+        program = live.page_script(live.OPEN_SCRIPT)
+        html = rendered_template(
+            live.PAGE_FOLDER / "open.html",
+            title=title,
+            style=live.page_style(),
+            script=program,
+            drawn="",
         )
         directives = (
             f"connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors {frames}"
         )
-        page = html, f"{live.policy(program)}; {directives}"
-        self._server = Server(page, opened.calls, opened.reports)
+        page = html, f"{live.content_policy(program)}; {directives}"
+        self._server = PageServer(page, opened.calls, opened.reports)
         self._server.start()
         self.address = self._server.address
 
@@ -67,7 +71,7 @@ class View:
 
     def _repr_html_(self) -> str:
         return (
-            f'<iframe src="{escape(self.address)}" width="100%" height="{HEIGHT}"'
+            f'<iframe src="{escape(self.address)}" width="100%" height="{FRAME_HEIGHT}"'
             ' style="border: 0"></iframe>'
         )
 
@@ -102,16 +106,16 @@ def view(part: Structure | str | os.PathLike[str]) -> View:
         checks.instance("part", part, Structure, "a Structure or the path of a file")
         with_parts(part)
         # scenes name a file that exists; the structure takes its place
-        return _open_page(Path(__file__), part, NOTEBOOKS)
-    return _open_page(_file(part), None, NOTEBOOKS)
+        return _open_page(Path(__file__), part, NOTEBOOK_FRAMES)
+    return _open_page(_part_file(part), None, NOTEBOOK_FRAMES)
 
 
-def until_interrupted(path: str, browser: bool, **options: Any) -> None:
+def serve_until_interrupted(path: str, browser: bool, **options: Any) -> None:
     """Serve the page of a part's file until Ctrl-C; `browser`: whether to open it in one."""
-    page = _open_page(_file(path), None, NOBODY, **options)
+    page = _open_page(_part_file(path), None, NO_FRAMES, **options)
     print_text(f"{path} is open at {page.address}\nit is for this machine alone; Ctrl-C ends it.")
     try:
-        with _redirection(page.address) as entrance:
+        with _redirecting_page(page.address) as entrance:
             if browser:
                 webbrowser.open(entrance.as_uri())
             while True:  # libraries let a longer wait go on after a signal
@@ -123,7 +127,7 @@ def until_interrupted(path: str, browser: bool, **options: Any) -> None:
 
 
 @contextlib.contextmanager
-def _redirection(address: str) -> Iterator[Path]:
+def _redirecting_page(address: str) -> Iterator[Path]:
     """Context with a temporary page, readable by this user alone, that leads to `address`.
 
     Others can read the command line of the browser, and thus an address in it.
@@ -138,7 +142,7 @@ def _redirection(address: str) -> Iterator[Path]:
         path.unlink(missing_ok=True)
 
 
-def _file(part: str | os.PathLike[str]) -> Path:
+def _part_file(part: str | os.PathLike[str]) -> Path:
     """The path of a part's file; InputError if it does not exist or is too large."""
     path = checks.path("the part", part)
     if not path.is_file():
@@ -175,4 +179,4 @@ def _open_page(
         checks.whole("--piece", piece)
 
     title = path.name if structure is None else "A part"
-    return View(Opened(path, structure, unit, size, piece, contact), title, frames)
+    return View(OpenPart(path, structure, unit, size, piece, contact), title, frames)

@@ -11,17 +11,17 @@ from typing import Any
 from antiosc.base import progress
 
 #: What a page is told whose work was overtaken.
-STALE: dict[str, Any] = {"stale": True}
+STALE_ANSWER: dict[str, Any] = {"stale": True}
 
 
-class Overtaken(BaseException):
+class WorkOvertaken(BaseException):
     """Stops work for which the page no longer waits.
 
     It is no Exception, so that no computation catches it as one of its errors.
     """
 
 
-class Worker:
+class PageWorker:
     """Computes tasks in turn on one thread; a task of an earlier turn stops at its next step."""
 
     def __init__(self) -> None:
@@ -56,19 +56,19 @@ class Worker:
         def stop_if_asked(doing: str) -> None:
             self._doing = doing
             if doing and (self._closed or turn not in (None, self.turn)):
-                raise Overtaken
+                raise WorkOvertaken
 
         def run_work() -> dict[str, Any]:
             if turn not in (None, self.turn):
-                return STALE
+                return STALE_ANSWER
             self._began = time.monotonic()
             try:
                 with progress.following(stop_if_asked):
                     return work()
-            except Overtaken:
-                return STALE
+            except WorkOvertaken:
+                return STALE_ANSWER
 
         try:
             return self._thread.submit(run_work).result()
         except CancelledError:  # the program ends
-            return STALE
+            return STALE_ANSWER

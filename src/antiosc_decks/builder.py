@@ -131,7 +131,9 @@ class ModelBuilder:
             density = material.density * self.units.density
             material.needs(
                 density <= DENSITIES[1] or self.defaults.massless,
-                f"the density {material.density:g} of {label} is {density:.3g} kg/m³, more than any solid has: give the unit of the deck (unit), or mend it (a mass per volume).",
+                f"the density {material.density:g} of {label} is {density:.3g} kg/m³, "
+                f"more than any solid has: give the unit of the deck (unit), "
+                f"or mend it (a mass per volume).",
             )
             return density
 

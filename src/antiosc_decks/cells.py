@@ -27,7 +27,7 @@ from antiosc.io.neutral import (
 )
 
 
-def mesh_of_deck(deck: Deck) -> FileMesh:
+def file_mesh_of(deck: Deck) -> FileMesh:
     """The elements of a deck as cells, its sets as groups, with its model."""
     model = deck.model
     if model is None:
@@ -53,7 +53,8 @@ def mesh_of_deck(deck: Deck) -> FileMesh:
     if deck.skipped:
         gone = sum(deck.skipped.values())
         mesh.remarks.append(
-            f"{deck.name} holds {deck.n_elements + gone} elements; {deck.n_elements} of them are cells of the mesh, which leaves out {counts_text(deck.skipped)}."
+            f"{deck.name} holds {deck.n_elements + gone} elements; {deck.n_elements} of them are "
+            f"cells of the mesh, which leaves out {counts_text(deck.skipped)}."
         )
     return mesh
 

@@ -485,7 +485,10 @@ def _one_strength_text(raws: Iterable[RawMesh], strength: Strength, name: str) -
     if strength.value is None or len(strong) < 2:
         return ""
     listed = ", ".join(f"E = {engineering(E, 'Pa')}, {rho:.4g} kg/m³" for E, rho in sorted(strong))
-    return f"the yield strength {engineering(strength.value, 'Pa')} is taken for all {len(strong)} materials of {name} ({listed}); to give each its own, read the mesh alone (read_mesh)."
+    return (
+        f"the yield strength {engineering(strength.value, 'Pa')} is taken for all {len(strong)}"
+        f" materials of {name} ({listed}); to give each its own, read the mesh alone (read_mesh)."
+    )
 
 
 def _laminate_or_shell(values: dict[str, Any]) -> tuple[str, dict[str, Any]]:

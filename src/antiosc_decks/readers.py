@@ -12,7 +12,7 @@ from antiosc.io.isolation import FileReader, Request
 from antiosc.io.neutral import FileMesh, Model, UnitSystem
 from antiosc_decks import abaqus_assembly, abaqus_model, nastran_mesh, nastran_model
 from antiosc_decks.builder import MaterialDefaults
-from antiosc_decks.cells import mesh_of_deck
+from antiosc_decks.cells import file_mesh_of
 from antiosc_decks.sources import BULK_DATA_START as _BULK, Sources
 
 F = TypeVar("F", abaqus_assembly.AbaqusDeck, nastran_mesh.NastranDeck)
@@ -43,7 +43,7 @@ def _reader(
             none = f"{deck.name} has no elements of solids, shells, beams or rods{beside}"
             raise MeshError(f"{none}; read the deck that holds the part itself.")
 
-        return mesh_of_deck(deck)
+        return file_mesh_of(deck)
 
     return reader
 

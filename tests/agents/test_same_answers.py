@@ -10,10 +10,10 @@ import pytest
 from agent_calls import answers, filled, number, told
 from antiosc_app import commands
 from antiosc_app.cli import main
-from antiosc_app.edited import toml
+from antiosc_app.edited import toml_text
 from antiosc_app.headline import force_bar
-from antiosc_app.opened import Opened
-from antiosc_app.scene_file.document import read
+from antiosc_app.opened import OpenPart
+from antiosc_app.scene_file.document import read_document
 from antiosc_app.scene_file.run import error_budget
 
 pytestmark = [
@@ -33,21 +33,21 @@ def of_scene(text: str) -> str:
 
 def test_python_command_page_and_tool_agree(tmp_path, capsys):
     folder = filled(tmp_path)
-    page = Opened(folder / "beam.msh", unit="m")
+    page = OpenPart(folder / "beam.msh", unit="m")
     page.calls["look"]({})
     short = {"impactor.velocity": 1.5, "simulate.duration": 1e-2, "extract.n": 10}
     turn = page.calls["edit"]({"set": short})["turn"]
     shown = page.calls["show"]({"turn": turn})["summary"]
-    sections = page._edited.sections
+    sections = page._edited_scene.sections
     page.close()
 
     path = folder / "scene.toml"
-    path.write_text(toml(sections), encoding="utf-8")
+    path.write_text(toml_text(sections), encoding="utf-8")
     capsys.readouterr()
     assert main(["run", str(path), "--verbose", "--out", str(folder / "out")]) == 0
     printed = capsys.readouterr().out
     written = json.loads((folder / "out/result.json").read_text(encoding="utf-8"))["result"]
-    document = read(path)
+    document = read_document(path)
     hit = commands.study_results(document, commands.compiled_for(document, "run"), "run").history
     answer = told(*answers(folder, [("strike", {"scene": sections})]))
 

@@ -48,7 +48,7 @@ def test_tools_and_resources_are_listed(folder):
     tools, pages = served(folder, work)
     assert sorted(tool.name for tool in tools) == [*TOOLS, "tradeoff"]
     assert all(tool.input_schema["type"] == "object" and tool.description for tool in tools)
-    if agents.DOCS.is_dir():
+    if agents.DOCS_FOLDER.is_dir():
         assert pages["glossary"].startswith("# Glossary")
         assert "## Sizes" in pages["limits"]
     else:  # a wheel has no pages
@@ -66,7 +66,7 @@ def test_a_strike_is_the_same_each_time_and_another_scene_has_another_hash(folde
     first, again, other = map(told, answers(folder, calls))
     assert first == again
     assert first["status"] == "completed"
-    assert first["version"] == info.version()
+    assert first["version"] == info.antiosc_version()
     assert len({first["hash"], other["hash"]}) == 2
     assert number(other, "peak_force")["value"] < number(first, "peak_force")["value"]
     for one in first["quantities"]:

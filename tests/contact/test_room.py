@@ -8,7 +8,7 @@ import pytest
 import antiosc as ao
 from antiosc.models.body import piercing_warning
 from antiosc.reduce.site.surface import surface_at
-from antiosc_app.headline import caution_of
+from antiosc_app.headline import caution_of_impact
 
 pytestmark = pytest.mark.fem
 #: A base of 60 × 40 × 10 mm with a wall at x < 10 mm, 40 mm high.
@@ -50,4 +50,4 @@ def test_a_ball_that_pierces_the_part_is_told(angle):
     assert "20.0 mm, pierces the part at (10, " in sentence
     assert piercing_warning(large, model, ("", "")) == sentence
     hit = ao.simulate(model, large, duration=2e-4)
-    assert caution_of(hit, None).startswith(sentence)
+    assert caution_of_impact(hit, None).startswith(sentence)

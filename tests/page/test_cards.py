@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc_app.cards import BENDS, DENT, SAFE, UNKNOWN, cards_of_history, dent_of, verdict
+from antiosc_app.cards import (
+    BENDS_TONE,
+    DENT_TONE,
+    SAFE_TONE,
+    UNKNOWN_TONE,
+    cards_of_history,
+    dent_depth,
+    verdict_card,
+)
 
 #: 100 MPa ± 10 % of 235 MPa.
 MARGIN = ao.results.Margin("yield", 1e8, 235e6, np.zeros(3), 0.0, force_error=0.1)
@@ -17,20 +25,20 @@ MARGIN = ao.results.Margin("yield", 1e8, 235e6, np.zeros(3), 0.0, force_error=0.
 @pytest.mark.parametrize(
     ("changed", "dent", "has_bar", "tone"),
     [
-        ({}, 0.0, True, SAFE),
-        ({}, 1e-6, True, DENT),
-        ({}, None, True, UNKNOWN),  # whether the contact yields is not known
-        ({}, 0.0, False, UNKNOWN),  # no bar, no verdict
-        ({"value": 2.2e8}, 0.0, True, BENDS),  # it may: 242 MPa
-        ({"value": 3e8}, 0.0, True, BENDS),  # it does: 270 MPa at least
-        ({"errors": (5e7, np.inf)}, 0.0, True, UNKNOWN),  # the cells are too coarse to say
-        ({"criterion": "tension", "value": 3e8}, 0.0, True, BENDS),
+        ({}, 0.0, True, SAFE_TONE),
+        ({}, 1e-6, True, DENT_TONE),
+        ({}, None, True, UNKNOWN_TONE),  # whether the contact yields is not known
+        ({}, 0.0, False, UNKNOWN_TONE),  # no bar, no verdict
+        ({"value": 2.2e8}, 0.0, True, BENDS_TONE),  # it may: 242 MPa
+        ({"value": 3e8}, 0.0, True, BENDS_TONE),  # it does: 270 MPa at least
+        ({"errors": (5e7, np.inf)}, 0.0, True, UNKNOWN_TONE),  # the cells are too coarse to say
+        ({"criterion": "tension", "value": 3e8}, 0.0, True, BENDS_TONE),
     ],
 )
 def test_the_verdict_has_one_colour(changed, dent, has_bar, tone):
-    card = verdict([replace(MARGIN, **changed)], dent, has_bar=has_bar)
+    card = verdict_card([replace(MARGIN, **changed)], dent, has_bar=has_bar)
     assert card.tone == tone
-    assert card.text.startswith("Cannot say") or tone != UNKNOWN or dent is None
+    assert card.text.startswith("Cannot say") or tone != UNKNOWN_TONE or dent is None
     assert " to " in card.text or "no bar" in card.text or not has_bar
 
 
@@ -47,7 +55,7 @@ def test_the_margin_and_the_card_give_the_same_answer(value, largest, answer):
     margin = replace(MARGIN, value=value, errors=(value, largest))
     assert margin.answer == answer
     assert margin.sentence.startswith(answer)
-    assert verdict([margin], 0.0, has_bar=True).text.lower().startswith(answer)
+    assert verdict_card([margin], 0.0, has_bar=True).text.lower().startswith(answer)
 
 
 def test_a_contact_with_a_strength_dents_or_does_not():
@@ -57,7 +65,7 @@ def test_a_contact_with_a_strength_dents_or_does_not():
         ao.simulate(model, ao.RigidMass(0.2, share * law.yield_speed(0.2)), law, 3e-3)
         for share in (0.3, 30.0)
     )
-    assert dent_of(slow) == 0 < dent_of(fast)
+    assert dent_depth(slow) == 0 < dent_depth(fast)
     cards = cards_of_history(fast, None, None)
     assert [card.text for card in cards[::3]] == ["…", "…"]  # as long as no stress is known
     assert "no error bar" in cards[1].text

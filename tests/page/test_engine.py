@@ -38,15 +38,15 @@ Engine.load(fs.readFileSync(given.engine)).then((engine) => {
 
 def on_the_page(hit, sets, tol=1e-6, at=0.0):
     """The numbers of impacts on the page with other settings."""
-    case = assets.blow_of_history(hit, None)
+    case = assets.impact_of_history(hit, None)
     own = {name: case[name] for name in ("mass", "speed", "stiffness", "gap")}
     own["damping"] = case["ratio"] or 0.0
-    data = {"blow": case, "tol": tol, "at": at, "engine": str(assets.FOLDER / "engine.wasm")}
+    data = {"blow": case, "tol": tol, "at": at, "engine": str(assets.PAGE_FOLDER / "engine.wasm")}
     data["sets"] = [own | each for each in sets]
     names = ("units", "engine", "data")
-    scripts = "".join((assets.FOLDER / f"{name}.js").read_text() for name in names)
+    scripts = "".join((assets.PAGE_FOLDER / f"{name}.js").read_text() for name in names)
     done = subprocess.run(
-        ["node", "-e", scripts + PROGRAM], input=assets.embedded(data), capture_output=True,
+        ["node", "-e", scripts + PROGRAM], input=assets.embedded_json(data), capture_output=True,
         text=True, check=True, timeout=60,
     )  # fmt: skip
     return json.loads(done.stdout)
@@ -109,16 +109,16 @@ def test_the_engine_is_built_of_these_sources():
     """If not: `make page`, and commit engine.wasm."""
     if not (library.SOURCE_FOLDER / "page").is_dir():
         pytest.skip("an installation without the C sources")
-    assert library.source_hash(library.SOURCE_FOLDER).encode() in assets.engine()
+    assert library.source_hash(library.SOURCE_FOLDER).encode() in assets.engine_wasm()
 
 
 def test_other_scenes_are_not_repeated():
     class Own(ao.Hertz):
         pass
 
-    assert assets.blow_of_history(ao.simulate(MODEL, STRIKER, Own(1e9), 3e-3), None) is None
+    assert assets.impact_of_history(ao.simulate(MODEL, STRIKER, Own(1e9), 3e-3), None) is None
     damped = replace(MODEL, damping=ao.DampingMatrix(5.0 * np.eye(1 + MODEL.n)))
-    assert assets.blow_of_history(ao.simulate(damped, STRIKER, ao.Hertz(1e9), 3e-3), None) is None
+    assert assets.impact_of_history(ao.simulate(damped, STRIKER, ao.Hertz(1e9), 3e-3), None) is None
 
 
 CASES = [

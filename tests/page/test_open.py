@@ -19,8 +19,8 @@ from antiosc.base import progress
 from antiosc.base.errors import InputError
 from antiosc_app import edited
 from antiosc_app.cli import main
-from antiosc_app.opened import Opened
-from antiosc_app.working import STALE, Worker
+from antiosc_app.opened import OpenPart
+from antiosc_app.working import STALE_ANSWER, PageWorker
 from webdriver import MISSING, Browser
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
@@ -74,7 +74,7 @@ def step(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def opened(step):
-    one = Opened(step, size=SIZE)
+    one = OpenPart(step, size=SIZE)
     one.calls["look"]({})
     yield one
     one.close()
@@ -84,7 +84,7 @@ def opened(step):
 def deck(tmp_path):
     path = tmp_path / "plate.inp"
     path.write_text(plate_deck(6), encoding="utf-8")
-    one = Opened(path, unit="m")
+    one = OpenPart(path, unit="m")
     yield one
     one.close()
 
@@ -125,7 +125,7 @@ def test_a_fall_shows_what_a_run_of_its_saved_scene_prints(tmp_path, capsys):
         'SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 0.06, 0.04, 0.02};\n'
         'Physical Volume("block") = {1};\n'
     )
-    one = Opened(geo, size=0.01)
+    one = OpenPart(geo, size=0.01)
     try:
         one.calls["look"]({})
         told = edit(one, striker="floor")
@@ -204,7 +204,7 @@ def test_what_is_written_is_toml():
         "many": [{"where": "face 1"}, {"plane": [[0.0, 0.0, 0.0], [0, 0, 1]]}],
         "sites": {"struck": {"inner": {"kind": "a", "d": 1e20}}},
     }  # fmt: skip
-    assert tomllib.loads(edited.toml(table)) == table
+    assert tomllib.loads(edited.toml_text(table)) == table
 
 
 # -- the answers
@@ -225,7 +225,7 @@ def test_another_striker_keeps_mesh_structure_and_model(deck, monkeypatch):
 
 
 def test_the_latest_set_up_wins():
-    worker, begun = Worker(), threading.Event()
+    worker, begun = PageWorker(), threading.Event()
 
     def endless():
         while True:
@@ -238,14 +238,14 @@ def test_the_latest_set_up_wins():
         assert begun.wait(10)
         assert worker.progress()["doing"] == "a step"
         worker.next_turn()
-        assert first.result(timeout=10) == STALE
-        assert worker.compute(lambda: {"done": 1}, 0) == STALE
+        assert first.result(timeout=10) == STALE_ANSWER
+        assert worker.compute(lambda: {"done": 1}, 0) == STALE_ANSWER
         assert worker.compute(lambda: {"done": 1}, 1) == {"done": 1}
         begun.clear()
         last = pool.submit(worker.compute, endless, 1)
         assert begun.wait(10)
         worker.close()  # as the program ends
-        assert last.result(timeout=10) == STALE
+        assert last.result(timeout=10) == STALE_ANSWER
 
 
 @pytest.mark.slow

@@ -300,8 +300,8 @@ def test_a_click_on_a_map_strikes_the_model_there(browser, mapped, width):
 
 @pytest.mark.slow
 def test_the_page_lives_without_webgl(browser, tmp_path, monkeypatch):
-    script = assets.script().replace('.getContext("webgl2"', '.getContext("none"')
-    monkeypatch.setattr(assets, "script", lambda: script)
+    script = assets.page_script().replace('.getContext("webgl2"', '.getContext("none"')
+    monkeypatch.setattr(assets, "page_script", lambda: script)
     hit = ao.simulate(MODEL, STRIKER, LAW, DURATION, tol=1e-6)
     page = ao.write_report(tmp_path / "flat.html", hit)
     same(opened(browser, page)["cells"], hit)

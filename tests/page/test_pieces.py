@@ -9,7 +9,7 @@ import pytest
 
 from antiosc.base.errors import InputError
 from antiosc_app.cli import main
-from antiosc_app.opened import JOINED_TEXT, PIECE_CHANGED, Opened
+from antiosc_app.opened import JOINED_TEXT, PIECE_CHANGED_TEXT, OpenPart
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
 #: Sides [mm] of two boxes, and the distance between them.
@@ -59,7 +59,7 @@ def as_deck(path, gap):
 @pytest.fixture
 def apart(tmp_path):
     as_deck(tmp_path / "two.inp", APART)
-    one = Opened(tmp_path / "two.inp")
+    one = OpenPart(tmp_path / "two.inp")
     yield one
     one.close()
 
@@ -89,14 +89,14 @@ def test_each_piece_is_opened_by_its_rank_with_its_own_scene(apart):
     apart.calls["write"]({**asked, "agreed": names})
     scene = tomllib.loads(apart._path.with_name(names[0]).read_text())
     assert scene.get("deck", scene.get("geometry"))["piece"] == 2
-    with pytest.raises(InputError, match=PIECE_CHANGED):  # a page with the piece before
+    with pytest.raises(InputError, match=PIECE_CHANGED_TEXT):  # a page with the piece before
         apart.calls["edit"]({"undo": True, "opening": first["opening"]})
 
 
 @pytest.mark.slow
 def test_pieces_that_are_joined_are_opened_alone_and_joined_again(tmp_path):
     as_step(tmp_path / "two.step", 0.0)
-    one = Opened(tmp_path / "two.step")
+    one = OpenPart(tmp_path / "two.step")
     try:
         first = one.calls["look"]({})
         assert first["pieces"][0] == (0, JOINED_TEXT)

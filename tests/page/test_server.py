@@ -13,8 +13,8 @@ import pytest
 
 from antiosc.base.errors import InputError, RangeError
 from antiosc_app import server, view
-from antiosc_app.live import policy, script
-from antiosc_app.server import TOKEN, Server
+from antiosc_app.live import content_policy, page_script
+from antiosc_app.server import TOKEN_HEADER, PageServer
 
 OK, NO = b"200", b"403"
 
@@ -35,9 +35,9 @@ def answered(values):
 
 @pytest.fixture
 def served(monkeypatch):
-    monkeypatch.setattr(server, "TIMEOUT", 1.0)
-    monkeypatch.setattr(server._Request, "timeout", 1.0)
-    one = Server(("<title>part</title>", "default-src 'none'"), {"blow": answered}, {})
+    monkeypatch.setattr(server, "PIECE_TIMEOUT", 1.0)
+    monkeypatch.setattr(server._PageRequest, "timeout", 1.0)
+    one = PageServer(("<title>part</title>", "default-src 'none'"), {"blow": answered}, {})
     one.start()
     yield one
     one.close()
@@ -63,7 +63,7 @@ def request(served, *, method="POST", path="/blow", body=b"{}", drop=(), **chang
         "Origin": f"http://127.0.0.1:{served.server_port}",
         "Content-Type": "application/json",
         "Content-Length": str(len(body)),
-        TOKEN: served.token,
+        TOKEN_HEADER: served.token,
     }
     headers |= {name.replace("_", "-"): value for name, value in changed.items()}
     lines = [f"{name}: {value}" for name, value in headers.items() if name not in drop]
@@ -100,7 +100,7 @@ def test_a_report_that_was_written_is_served_with_its_own_policy(served, tmp_pat
     reply = sent(served, request(served, path=f"/{served.token}/report_1", **get))
     assert status(reply) == OK
     assert b"<title>report</title>" in reply
-    assert f"Content-Security-Policy: {policy(script())}".encode() in reply
+    assert f"Content-Security-Policy: {content_policy(page_script())}".encode() in reply
     for address in (f"/{served.token}/{path}", "/x/report_1", f"/{served.token}/report_1/x"):
         assert status(sent(served, request(served, path=address, **get))) in (b"404", NO)
     path.unlink()
@@ -121,9 +121,9 @@ def test_a_defect_is_told_on_the_page_and_on_the_terminal(served, capsys):
 
 
 HOSTILE = {
-    "no token": ({"drop": (TOKEN,)}, NO),
-    "wrong token": ({TOKEN: "x" * 32}, NO),
-    "token of other signs": ({TOKEN: "ü" * 16}, NO),
+    "no token": ({"drop": (TOKEN_HEADER,)}, NO),
+    "wrong token": ({TOKEN_HEADER: "x" * 32}, NO),
+    "token of other signs": ({TOKEN_HEADER: "ü" * 16}, NO),
     "no Host": ({"drop": ("Host",)}, NO),
     "rebound name": ({"Host": "evil.example"}, NO),
     "rebound name, right port": ({"Host": "evil.example:{port}"}, NO),
@@ -205,7 +205,7 @@ def test_the_token_stands_in_no_command_line_of_a_browser(tmp_path, monkeypatch)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(view.webbrowser, "open", browse)
-    view.until_interrupted(str(part), browser=True)
+    view.serve_until_interrupted(str(part), browser=True)
     ((address, text, mode),) = seen
     token = re.search(r"http://127.0.0.1:\d+/([^/]+)/", text)[1]
     assert mode == 0o600
@@ -223,7 +223,7 @@ def test_options_are_refused_before_the_page_opens(tmp_path, options):
     part.write_text("ISO-10303-21;")
     given = dict.fromkeys(("unit", "size", "piece", "contact")) | options
     with pytest.raises(InputError, match=next(iter(options))):
-        view.until_interrupted(str(part), **given, browser=False)
+        view.serve_until_interrupted(str(part), **given, browser=False)
 
 
 def test_it_listens_on_this_machine_alone(served):

@@ -65,8 +65,8 @@ def deck(path: Path, unit: str, *, rho: bool = True, model: bool = True, pieces:
 def test_the_unit_of_a_deck_is_that_of_its_materials(tmp_path, unit):
     path = deck(tmp_path / "a.inp", unit)
     found = inspect_part(path)
-    assert (found.read, found.of_deck) == ({"unit": unit}, True)
-    np.testing.assert_allclose(found.high - found.low, SIDES, rtol=1e-4)
+    assert (found.read_options, found.is_deck) == ({"unit": unit}, True)
+    np.testing.assert_allclose(found.box_high - found.box_low, SIDES, rtol=1e-4)
     assert found.mass == pytest.approx(7850 * np.prod(SIDES), rel=1e-3)
     assert "states none" in found.unit_text()
     assert inspect_part(tmp_path / "a.inp", unit=unit).unit_text() == unit
@@ -82,7 +82,7 @@ def test_pieces_that_meet_at_other_nodes_are_not_joined_at_the_few_that_coincide
     mesh = meshio.Mesh(np.vstack([grid, single]), [("hexahedron", np.array([*corners, last]))])
     path = tmp_path / "two.vtk"
     mesh.write(path)
-    assert foreign_part(path, unit="m").read == {"unit": "m", "piece": 1}
+    assert foreign_part(path, unit="m").read_options == {"unit": "m", "piece": 1}
 
 
 def _cells_of(n: int) -> list[list[tuple[int, int, int]]]:
@@ -100,7 +100,9 @@ def test_a_deck_without_elasticity_is_of_steel_in_its_scene_and_this_is_told(tmp
     section = tomllib.loads(scene.read_text())["deck"]
     assert section == {"path": "a.inp", "unit": "mm", "density": 7850.0, "modulus": 210e9}
     found = inspect_part(path)
-    assert ("modulus", "[deck] modulus") in [(what, key) for what, _, key in found.taken(False)]
+    assert ("modulus", "[deck] modulus") in [
+        (what, key) for what, _, key in found.assumption_rows(False)
+    ]
     assert antiosc("run", scene, "--out", tmp_path / "out") == 0
 
 
@@ -112,7 +114,11 @@ def test_a_closed_surface_is_filled_and_struck_from_outside(tmp_path):
     path = tmp_path / "box.stl"
     meshio.write(path, meshio.Mesh(points, [("triangle", faces[:, ::-1])]))
     found = inspect_part(path)
-    assert (found.family, found.read["solid"], found.read["unit"]) == ("Solid", True, "mm")
+    assert (found.family, found.read_options["solid"], found.read_options["unit"]) == (
+        "Solid",
+        True,
+        "mm",
+    )
     inside = np.array(found.point) + 1e-3 * np.array(found.direction)
     assert (inside > 0).all()
     assert (inside < [0.06, 0.04, 0.02]).all()
@@ -129,13 +135,15 @@ def test_solids_are_joined_where_they_touch_or_the_largest_is_taken(tmp_path, ga
         gmsh.model.occ.synchronize()
         gmsh.write(str(path))
     found = inspect_part(path)
-    assert {k: v for k, v in found.read.items() if k != "size"} in (
+    assert {k: v for k, v in found.read_options.items() if k != "size"} in (
         read,
         {**read, "fragments": True},
     )
     assert found.length == pytest.approx(50e-3 if "fragments" in read else 40e-3, rel=1e-3)
     assert "2 solids" in found.notes[0]
-    assert found.read["size"] == pytest.approx(found.length / 20, rel=0.3)  # of the piece alone
+    assert found.read_options["size"] == pytest.approx(
+        found.length / 20, rel=0.3
+    )  # of the piece alone
     if "piece" in read:
         with pytest.warns(ao.AntioscWarning, match="piece 1 of 2 is read"):
             ao.read_mesh(path, size=0.01, piece=1)
@@ -150,7 +158,7 @@ def test_contact_between_the_pieces_of_a_deck_leaves_the_largest(tmp_path, capsy
     with pytest.raises(ao.MeshError, match="piece 1"):
         ao.read_model(path, unit="mm")
     found = inspect_part(path)
-    assert found.read == {"unit": "mm", "piece": 1}
+    assert found.read_options == {"unit": "mm", "piece": 1}
     told = "(1 'LEFT': 300 × 100 × 50 mm; 2 'RIGHT': 300 × 100 × 50 mm)"
     assert [told in note for note in found.notes] == [False, True]
     assert "not modelled (1 *CONTACT PAIR (line " in found.notes[0]
@@ -195,11 +203,11 @@ def test_a_surface_of_which_nothing_is_known_is_struck_as_a_flat_face(tmp_path):
     path = sheet(tmp_path / "a.inp", plane=True)
     found = inspect_part(path)
     part = 210e9 / (1 - 0.3**2)  # both of steel: half of it; Hertz: 4/3 E* √R
-    expected = 4 / 3 * part / 2 * np.sqrt(found.ball)
-    assert found.stiffness == pytest.approx(expected, rel=1e-2)
+    expected = 4 / 3 * part / 2 * np.sqrt(found.ball_radius)
+    assert found.hertz_stiffness == pytest.approx(expected, rel=1e-2)
     assert antiosc("new", tmp_path / "a.toml", path) == 0
     scene = tomllib.loads((tmp_path / "a.toml").read_text())
-    assert scene["contact"] == {"kind": "Hertz", "stiffness": found.stiffness}
+    assert scene["contact"] == {"kind": "Hertz", "stiffness": found.hertz_stiffness}
     inside = np.array(found.point) + 1e-3 * np.array(found.direction)
     assert found.point[1] == 0.3  # on the upper edge, not between the faces
     assert inside[1] < 0.3
@@ -271,7 +279,7 @@ def test_a_file_of_more_than_three_units_is_taken_in_millimetres(tmp_path, side,
     sheet = meshio.Mesh(corners, [("triangle", np.array([(0, 1, 2), (0, 2, 3)]))])
     for name in ("a.stl", "a.vtu"):
         meshio.write(tmp_path / name, sheet)
-        assert foreign_part(tmp_path / name).read["unit"] == unit
+        assert foreign_part(tmp_path / name).read_options["unit"] == unit
 
 
 @pytest.mark.slow
@@ -285,7 +293,7 @@ def test_a_unit_that_is_given_is_that_of_the_file(tmp_path):
     cube.write_text('SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 2, 2, 2};')
     found = inspect_part(cube, unit="in")
     assert found.length == pytest.approx(0.0508)
-    assert found.read["size"] == pytest.approx(0.0508 / 20, rel=0.3)
+    assert found.read_options["size"] == pytest.approx(0.0508 / 20, rel=0.3)
     scene, _ = new.write_scene(tmp_path / "cube.toml", str(cube), unit="in")
     assert tomllib.loads(scene.read_text())["geometry"]["unit"] == "in"
     with pytest.raises(ao.InputError, match="unit must be"):

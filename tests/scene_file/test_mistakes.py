@@ -7,15 +7,15 @@ import inspect
 import pytest
 
 import antiosc as ao
-from antiosc_app.scene_file.compiled import compiled
+from antiosc_app.scene_file.compiled import compile_document
 from antiosc_app.scene_file.document import (
-    DEEPEST,
-    LARGEST_FILE,
+    MAX_DEPTH,
+    MAX_FILE_BYTES,
     SceneFileError,
-    read,
+    read_document,
 )
 from antiosc_app.scene_file.scene import CompiledScene
-from antiosc_app.scene_file.schema import FAMILIES, IMPACTORS, JOINTS, LAWS
+from antiosc_app.scene_file.schema import FAMILY_NAMES, IMPACTOR_NAMES, JOINT_NAMES, LAW_NAMES
 from scene_files import (
     ASKED,
     BEAM,
@@ -157,9 +157,9 @@ def test_many_mistakes_are_all_told_at_once(tmp_path, capsys):
 @pytest.mark.parametrize(
     "text",
     [
-        "x = " + "[" * (DEEPEST + 1) + "]" * (DEEPEST + 1),
+        "x = " + "[" * (MAX_DEPTH + 1) + "]" * (MAX_DEPTH + 1),
         "x = " + "[" * 100_000,
-        "# " + "x" * LARGEST_FILE,
+        "# " + "x" * MAX_FILE_BYTES,
         "\ufeff[matrices]",
         "a" * 1000 + " = 1",
         '"\\u0000" = 1',
@@ -212,7 +212,7 @@ def scene(tmp_path, monkeypatch):
 
     def of(text: str) -> CompiledScene:
         (tmp_path / "scene.toml").write_text(text)
-        return compiled(read("scene.toml"))
+        return compile_document(read_document("scene.toml"))
 
     return of
 
@@ -288,10 +288,10 @@ def test_every_public_class_of_a_section_is_in_its_list():
         return [kind.__name__, *(f"{kind.__name__}.{n}" for n in own)]
 
     found = {
-        FAMILIES: [kind.__name__ for kind in public if hasattr(kind, "weak_form")],
-        JOINTS: [kind.__name__ for kind in public if hasattr(kind, "constraints")],
-        LAWS: [name for kind in laws for name in constructors(kind)],
-        IMPACTORS: [name for kind in impactors for name in constructors(kind)],
+        FAMILY_NAMES: [kind.__name__ for kind in public if hasattr(kind, "weak_form")],
+        JOINT_NAMES: [kind.__name__ for kind in public if hasattr(kind, "constraints")],
+        LAW_NAMES: [name for kind in laws for name in constructors(kind)],
+        IMPACTOR_NAMES: [name for kind in impactors for name in constructors(kind)],
     }
     for names, kinds in found.items():
         assert set(kinds) == set(names.split()) - {"named_impactor", "material"}

@@ -34,7 +34,7 @@ PARTS.append(DEMOS / "scenes/bar.inp")
 
 @pytest.mark.slow
 def test_a_plate_is_held_at_an_end_and_not_at_its_underside():
-    look = inspecting._inspected(ao.box_mesh((0.2, 0.1, 0.004), size=0.02), {}, None)
+    look = inspecting._inspection_of(ao.box_mesh((0.2, 0.1, 0.004), size=0.02), {}, None)
     assert np.ptp(look.points[look.held][:, 0]) == 0.0
     assert look.direction == [0.0, 0.0, -1.0]
 
@@ -88,11 +88,11 @@ def test_the_outside_of_a_box_in_millimetres_is_struck_away_from_its_support(tmp
     meshio.write(path, meshio.Mesh(points, [("hexahedron", cells)]))
     found = inspect_part(path)
     assert found.family == "Solid"
-    assert found.read["unit"] == "mm"
-    np.testing.assert_allclose(found.high - found.low, [0.4, 0.3, 0.25])
-    assert found.plane[1] == [0.0, 0.0, 1.0]
+    assert found.read_options["unit"] == "mm"
+    np.testing.assert_allclose(found.box_high - found.box_low, [0.4, 0.3, 0.25])
+    assert found.held_plane[1] == [0.0, 0.0, 1.0]
     np.testing.assert_allclose(found.direction, [0, 0, -1], atol=1e-9)
-    place = (np.array(found.point) - found.low) / [0.4, 0.3, 0.25]
+    place = (np.array(found.point) - found.box_low) / [0.4, 0.3, 0.25]
     assert place[2] == pytest.approx(1.0)
     assert np.all(np.abs(place[:2] - 0.5) < 0.3)
 
@@ -169,7 +169,7 @@ def test_a_geometry_of_more_than_three_units_is_taken_in_millimetres(side, unit,
         f'SetFactory("OpenCASCADE"); Box(1) = {{0, 0, 0, {side}, {side / 2}, {side / 2}}};'
     )
     found = inspect_part(script)
-    assert found.read["unit"] == unit
+    assert found.read_options["unit"] == unit
     length = {"mm": 1e-3, "m": 1.0}[unit] * side
     assert found.length == pytest.approx(length)
-    assert found.read["size"] == pytest.approx(length / 20, rel=0.34)
+    assert found.read_options["size"] == pytest.approx(length / 20, rel=0.34)

@@ -13,8 +13,8 @@ import pytest
 import antiosc as ao
 from antiosc.base.texts import engineering
 from antiosc_app import cli
-from antiosc_app.scene_file.compiled import compiled
-from antiosc_app.scene_file.document import SceneFileError, read
+from antiosc_app.scene_file.compiled import compile_document
+from antiosc_app.scene_file.document import SceneFileError, read_document
 from paths import MESHES, ROOT
 from scene_files import (
     ASKED,
@@ -261,8 +261,8 @@ def test_a_new_fall_has_no_mistakes(
     told = capsys.readouterr().out
     assert not {"struck", "held"} & set(told.split())
     assert "from 1 m, without supports" in told
-    found = compiled(read("new.toml"))
-    assert found.does() == ["antiosc run"]
+    found = compile_document(read_document("new.toml"))
+    assert found.runnable_commands() == ["antiosc run"]
     assert found.fall is not None
     assert not {"supports", "sites", "simulate"} & set(found.document.data)
 
@@ -340,7 +340,7 @@ def material(folder, text: str):
     path = folder / "scene.toml"
     path.write_text(f"{HELD}[material]\n{text}")
     (folder / "plate.msh").touch()
-    return compiled(read(path)).structure.arguments["material"].made
+    return compile_document(read_document(path)).structure.arguments["material"].result
 
 
 @pytest.mark.slow
@@ -380,7 +380,7 @@ def test_a_material_by_its_name(tmp_path, text):
     path = tmp_path / "scene.toml"
     path.write_text(text + HELD if text.startswith("material") else HELD + text)
     (tmp_path / "plate.msh").touch()
-    made = compiled(read(path)).structure.arguments["material"]
-    solid = made["all"].made if isinstance(made, dict) else made.made
+    made = compile_document(read_document(path)).structure.arguments["material"]
+    solid = made["all"].result if isinstance(made, dict) else made.result
     assert solid.name == "aluminium 6061-T6"
     assert solid.yield_strength == (255e6 if "255" in text else 240e6)

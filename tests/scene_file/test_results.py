@@ -66,7 +66,7 @@ TWO = Map(points=POINTS, names=np.array(["u", "v", "u", "v"]), skipped=3,
 def results(folder, output=None, asked=None, **variables) -> SceneResults:
     document = SimpleNamespace(path=folder / "scene.toml", data={"title": "a title"})
     probes = {name: Call(None, arguments) for name, arguments in (asked or {}).items()}
-    wanted = None if output is None else Call(Output, output, made=Output(**output))
+    wanted = None if output is None else Call(Output, output, result=Output(**output))
     return SceneResults(
         compiled=CompiledScene(document=document, probes=probes, output=wanted), **variables
     )
@@ -93,7 +93,7 @@ def test_every_component_of_a_probe_is_a_column_and_the_largest_is_told(
         values = values + values.swapaxes(1, 2)
     asked = {"eye": {"quantity": quantity, "times": np.arange(7.0)}}
     given = {"history": HIT, "probes": {"eye": values}}
-    probe = shown.Probe(results(tmp_path, asked=asked, **given), "eye")
+    probe = shown.ProbeResult(results(tmp_path, asked=asked, **given), "eye")
     found = probe.table()
     assert list(found) == [f"eye{name}" for name in names]
     components = values[:, *np.triu_indices(shape[0])] if tensor else values.reshape(7, -1)
@@ -212,7 +212,7 @@ def test_the_page_holds_scene_model_errors_tables_and_pictures(made):
     assert any(f"{result['model']['omega'][0] / (2 * np.pi):.5g}" in cell for cell in cells)
     assert len(page.images) == len(page.text["h3"]) - 1  # matrices have no surface to draw
     captions = page.text["figcaption"]
-    assert all(caption.endswith(f"antiosc {info.version()}.") for caption in captions)
+    assert all(caption.endswith(f"antiosc {info.antiosc_version()}.") for caption in captions)
     assert sum("Not drawn" in caption for caption in captions) == 1
     units = ("(N)", "(J)", "(Hz)", "(N/m)")
     assert all(any(unit in caption for caption in captions) for unit in units)
@@ -225,13 +225,13 @@ def test_the_page_is_one_file_that_fetches_nothing_and_runs_its_own_program(made
     assert page.tags.count("script") == 2  # its data, and its program
     assert {"link", "iframe", "object", "embed", "base", "form"}.isdisjoint(page.tags)
     policy = html.unescape(source.split('http-equiv="Content-Security-Policy" content="')[1])
-    digest = hashlib.sha256(assets.script().encode()).digest()
+    digest = hashlib.sha256(assets.page_script().encode()).digest()
     own = f"'sha256-{base64.b64encode(digest).decode()}'"
     wanted = f"script-src {own} 'wasm-unsafe-eval'\""
     assert policy.startswith(
         "default-src 'none'; img-src data:; style-src 'unsafe-inline'; " + wanted
     )
-    assert f"<script>{assets.script()}</script>" in source
+    assert f"<script>{assets.page_script()}</script>" in source
     assert not re.search(r"url\(|@import", source)
 
 
@@ -325,7 +325,7 @@ def test_a_sweep_has_the_verdict_of_the_scenes_own_impact(struck_beam, tmp_path)
         assert antiosc("sweep", path, "--out", tmp_path, "--report", tmp_path / "r.html") == 0
     page = html.unescape((tmp_path / "r.html").read_text())
     for text in (told.getvalue(), page):
-        assert shown.OWN_IMPACT in text
+        assert shown.OWN_IMPACT_SENTENCE in text
         assert "yield" in text
     stress = numbers(tmp_path)["nominal"]["stress"]
     assert stress == struck_beam[1]["stress"]
@@ -343,7 +343,9 @@ def test_a_study_has_the_errors_and_verdicts_of_the_run_without_random_values(
     told = io.StringIO()
     with contextlib.redirect_stdout(told):
         assert antiosc("monte-carlo", path, "--out", tmp_path / "out") == 0
-    of_study = " ".join(told.getvalue().partition(shown.OWN_IMPACT)[2].split("wrote ")[0].split())
+    of_study = " ".join(
+        told.getvalue().partition(shown.OWN_IMPACT_SENTENCE)[2].split("wrote ")[0].split()
+    )
     of_run = [" ".join(line.split()) for line in struck_beam[0].splitlines() if line]
     for start in ("does it break", "largest force", "largest stress", "The contact yields"):
         (line,) = (one for one in of_run if one.startswith(start))

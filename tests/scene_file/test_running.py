@@ -12,8 +12,8 @@ from scipy.signal import StateSpace, lsim
 
 import antiosc as ao
 from antiosc.base.texts import engineering, percent
-from antiosc_app.scene_file.compiled import compiled
-from antiosc_app.scene_file.document import read
+from antiosc_app.scene_file.compiled import compile_document
+from antiosc_app.scene_file.document import read_document
 from antiosc_app.scene_file.schema import SECTIONS
 from fmus import OK, Fmu
 from paths import MESHES
@@ -431,7 +431,7 @@ def test_a_strike_takes_what_the_scene_says(tmp_path, capsys):
     """Its mesh is chosen where nothing but a mesh says what is struck; else the structure is."""
 
     def struck(text: str) -> dict:
-        found = compiled(read(written(tmp_path, text))).history
+        found = compile_document(read_document(written(tmp_path, text))).history
         assert found.name == "strike"
         return found.arguments
 

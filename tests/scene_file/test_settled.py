@@ -7,9 +7,9 @@ import pytest
 
 import antiosc as ao
 from antiosc.impact.histories.site_motion import DURATION, LONGER
-from antiosc_app.scene_file.compiled import Choice
-from antiosc_app.scene_file.document import read
-from antiosc_app.scene_file.settled import enough, settled
+from antiosc_app.scene_file.compiled import AutoValues
+from antiosc_app.scene_file.document import read_document
+from antiosc_app.scene_file.settled import repeat_until_enough, settle
 
 #: A lid of 50 × 40 × 6 mm, held at one end.
 LID = """\
@@ -46,20 +46,20 @@ def scene(folder, radius='"auto"', duration='"auto"', more=""):
 
 
 def hit_of(document):
-    found = settled(document)
-    return found.scene.document.data, found.evaluate(found.scene.history)
+    found = settle(document)
+    return found.scene.document.data, found.evaluation(found.scene.history)
 
 
 @pytest.mark.slow
 def test_a_patch_that_nobody_gave_carries_the_largest_force_of_a_sweep(tmp_path):
-    alone, first = hit_of(read(scene(tmp_path, duration="4e-4")))
+    alone, first = hit_of(read_document(scene(tmp_path, duration="4e-4")))
     sweep = "[sweep]\nimpactor.velocity = [1.0, 20.0, 5.0]\n"
-    swept, _ = hit_of(read(scene(tmp_path, duration="4e-4", more=sweep)))
+    swept, _ = hit_of(read_document(scene(tmp_path, duration="4e-4", more=sweep)))
     small, large = (data["sites"]["tip"]["radius"] for data in (alone, swept))
     assert small < large
     assert swept["impactor"]["velocity"] == 1.0
     assert np.sqrt(0.01 * first.deepest) < 0.6 * small  # Hertz's radius √(R δ)
-    faster = read(scene(tmp_path, str(large), "4e-4"))
+    faster = read_document(scene(tmp_path, str(large), "4e-4"))
     faster.data["impactor"]["velocity"] = 20.0
     _, hit = hit_of(faster)
     assert hit.peak_force > first.peak_force
@@ -79,9 +79,11 @@ def test_a_run_beside_a_sheet_goes_on_until_the_striker_is_out_of_its_reach(mass
         hit = ao.simulate(SHEET, ao.RigidMass(mass, 1.0), ao.Hertz(1e8), choice.duration)
         return hit, hit
 
-    hit, choice = enough(run, Choice(), grows=False, lasts=True)
+    hit, choice = repeat_until_enough(
+        run, AutoValues(), add_oscillators=False, extend_duration=True
+    )
     assert DURATION <= choice.duration < LONGER * DURATION
-    long, _ = run(Choice(duration=8 * choice.duration))
+    long, _ = run(AutoValues(duration=8 * choice.duration))
     assert len(long.contacts) == len(hit.contacts)
 
 
@@ -99,19 +101,19 @@ def test_the_force_has_as_many_anti_oscillators_as_it_needs(stiffness, n):
     ball = ao.RigidMass(0.02, 1.0)
 
     def run(choice):
-        model = PLATE.truncated(choice.n)
+        model = PLATE.truncated(choice.oscillator_count)
         hit = ao.simulate(model, ball, ao.Hertz(stiffness), choice.duration, tol=1e-4)
         return hit, hit
 
-    hit, choice = enough(run, Choice(), grows=True, lasts=True)
+    hit, choice = repeat_until_enough(run, AutoValues(), add_oscillators=True, extend_duration=True)
     whole = ao.simulate(PLATE, ball, ao.Hertz(stiffness), choice.duration, tol=1e-4)
-    assert hit.model.n == choice.n == n
+    assert hit.model.n == choice.oscillator_count == n
     assert hit.peak_force == pytest.approx(whole.peak_force, rel=0.1)
 
 
 @pytest.mark.slow
 def test_a_scene_with_auto_has_the_number_that_its_force_needs(tmp_path):
-    document = read(scene(tmp_path, "5e-3", "4e-4"))
+    document = read_document(scene(tmp_path, "5e-3", "4e-4"))
     document.data["extract"]["n"] = "auto"
     data, hit = hit_of(document)
     assert data["extract"]["n"] == hit.model.n == 20
@@ -124,7 +126,7 @@ def test_a_slow_contact_is_run_to_its_end(tmp_path):
     path = scene(tmp_path, "5e-3")
     heavy = 'kind = "RigidMass"\nmass = 0.5\ntip_radius = 0.01\n'
     path.write_text(path.read_text().replace('kind = "Sphere"\nradius = 0.01\n', heavy))
-    data, hit = hit_of(read(path))
+    data, hit = hit_of(read_document(path))
     released = hit.contacts[-1][1]
     assert 1e-3 < released < data["simulate"]["duration"]
     assert hit.restitution >= 0

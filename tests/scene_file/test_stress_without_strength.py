@@ -29,7 +29,7 @@ def held(part, site, striker=DROPPED, strength=None):
     law = ao.Hertz(stiffness() if striker is BALL else 2e9)
     hit = ao.simulate(model, striker, law, 1e-3)
     fields = by_strengths(structure, hit)
-    judged = headline.largest_stress(fields)
+    judged = headline.judged_stress_data(fields)
     return judged, fields, structure, hit
 
 

@@ -5,7 +5,14 @@ from __future__ import annotations
 import pytest
 
 from antiosc_app import cli
-from antiosc_app.cards import BREAKS, FAR, FORCE, MOST_CAUTIONS, MOST_ROWS, STRESS
+from antiosc_app.cards import (
+    BREAKS_QUESTION,
+    DEFLECTION_QUESTION,
+    FORCE_QUESTION,
+    MAX_CAUTIONS,
+    MAX_ROWS,
+    STRESS_QUESTION,
+)
 from scene_files import BEAM, BRACKET, HIT, PROBE, written
 
 
@@ -30,9 +37,11 @@ def test_four_answers_stand_first_and_fifteen_lines_are_enough(tmp_path, capsys,
     path = written(tmp_path, scene)
     lines, warned = printed(capsys, path)
     rows = lines[1:] if "title" in scene else lines
-    for name, row in zip((BREAKS, FORCE, FAR, STRESS), rows, strict=False):
+    for name, row in zip(
+        (BREAKS_QUESTION, FORCE_QUESTION, DEFLECTION_QUESTION, STRESS_QUESTION), rows, strict=False
+    ):
         assert row.startswith(f"{name} ")
-    assert len(lines) <= 1 + 4 + MOST_ROWS + MOST_CAUTIONS - 1 == 15
+    assert len(lines) <= 1 + 4 + MAX_ROWS + MAX_CAUTIONS - 1 == 15
     assert "warning" not in warned
     told, _ = printed(capsys, path, "--verbose")
     assert len(told) > len(lines)

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from antiosc_app import cli
-from antiosc_app.scene_file.compiled import compiled
-from antiosc_app.scene_file.document import read
-from antiosc_app.scene_file.run import SceneResults, results
-from antiosc_app.scene_file.scene import STUDIES
+from antiosc_app.scene_file.compiled import compile_document
+from antiosc_app.scene_file.document import read_document
+from antiosc_app.scene_file.run import SceneResults, make_results
+from antiosc_app.scene_file.scene import COMMAND_STUDIES
 from paths import DEMOS, MESHES
 
 SCENES = DEMOS / "scenes"
@@ -188,7 +188,7 @@ def written(folder: Path, text: str, name: str = "scene.toml") -> Path:
 def antiosc(*arguments: Any) -> int:
     """The exit code of the command, which tells all that it can."""
     command, *others = map(str, arguments)
-    return cli.main([command, *others, *(["--verbose"] if command in STUDIES else [])])
+    return cli.main([command, *others, *(["--verbose"] if command in COMMAND_STUDIES else [])])
 
 
 def numbers(folder: Path) -> dict[str, Any]:
@@ -199,7 +199,7 @@ def numbers(folder: Path) -> dict[str, Any]:
 
 def objects(path: Path, command: str = "run") -> SceneResults:
     """What a scene makes when it runs."""
-    return results(compiled(read(path)), STUDIES[command].makes)
+    return make_results(compile_document(read_document(path)), COMMAND_STUDIES[command].made_fields)
 
 
 def table(path) -> dict[str, np.ndarray]:

@@ -19,11 +19,18 @@ from antiosc_app.scene_file.document import (
     Place,
     Table,
     closest_name,
-    label,
-    listed,
-    suggestion,
+    names_text,
+    place_text,
+    spelling_suggestion,
 )
-from antiosc_app.scene_file.schema import KIND, Form, Parameter, SceneSection, parameters, resolved
+from antiosc_app.scene_file.schema import (
+    KIND_KEY,
+    SceneParameter,
+    SceneSection,
+    ValueForm,
+    callable_of,
+    parameters_of,
+)
 
 #: Section -> what its call computes, in words for who waits.
 PROGRESS_TEXTS = {
@@ -37,10 +44,10 @@ PROGRESS_TEXTS = {
     "drop": "computing the fall",
 }
 #: Largest list of a scene file.
-LONGEST_LIST = 200_000
+MAX_LIST_LENGTH = 200_000
 
 
-class Mistake(Exception):
+class InvalidValue(Exception):
     """Raised for an invalid value after its sentence has been noted."""
 
 
@@ -48,24 +55,24 @@ class Mistake(Exception):
 class Call:
     """A call that a table of the scene file describes; its arguments may contain further calls."""
 
-    make: Callable[..., Any]
+    function: Callable[..., Any]
     arguments: Table
     place: Place = ()  # of the table in the scene file
-    made: Any = None  # the result, if it could be made at once; else the run makes it
+    result: Any = None  # the result, if it could be made at once; else the run makes it
 
     @property
     def name(self) -> str:
         """Name of the callable: "simulate", "Structure.from_files"."""
-        return str(getattr(self.make, "__qualname__", ""))
+        return str(getattr(self.function, "__qualname__", ""))
 
     @property
-    def doing(self) -> str:
+    def progress_text(self) -> str:
         """What the call computes, as text for a display of progress."""
         if not self.place:
             return "evaluating the result"
-        return PROGRESS_TEXTS.get(str(self.place[0]), f"computing [{label(self.place)}]")
+        return PROGRESS_TEXTS.get(str(self.place[0]), f"computing [{place_text(self.place)}]")
 
-    def refused(self, error: Exception) -> tuple[Place, str]:
+    def mistake_of(self, error: Exception) -> tuple[Place, str]:
         """(place, sentence) of an error that this call raised; the place is that of the argument
         with which the error begins, if there is one.
         """
@@ -73,7 +80,7 @@ class Call:
         fault = str(error) if known else f"{type(error).__name__}: {error}"
         name = fault.removeprefix("every ").partition(" ")[0]
         place = (*self.place, name) if name in self.arguments else self.place
-        return place, f"{label(self.place)}: {fault.rstrip('.')}."
+        return place, f"{place_text(self.place)}: {fault.rstrip('.')}."
 
 
 def calls_in(value: object) -> Iterator[Call]:
@@ -86,14 +93,14 @@ def calls_in(value: object) -> Iterator[Call]:
             yield from calls_in(entry)
 
 
-def replaced(value: Any, result_of: Callable[[Call], Any] = lambda call: call.made) -> Any:
+def with_results(value: Any, result_of: Callable[[Call], Any] = lambda call: call.result) -> Any:
     """The value with each call in it replaced by the result of `result_of`."""
     if isinstance(value, Call):
         return result_of(value)
     if isinstance(value, dict):
-        return {key: replaced(entry, result_of) for key, entry in value.items()}
+        return {key: with_results(entry, result_of) for key, entry in value.items()}
     if type(value) in (list, tuple):
-        return type(value)(replaced(entry, result_of) for entry in value)
+        return type(value)(with_results(entry, result_of) for entry in value)
     return value
 
 
@@ -110,27 +117,27 @@ class Evaluation:
 
     def __call__(self, value: Any) -> Any:
         """The value with each call in it replaced by its result."""
-        return replaced(value, self._object)
+        return with_results(value, self._result_of)
 
-    def _object(self, call: Call) -> object:
+    def _result_of(self, call: Call) -> object:
         """The result of a call, computed if it is not known."""
-        if call.made is None and call not in self._made:
+        if call.result is None and call not in self._made:
             arguments = {name: self(value) for name, value in call.arguments.items()}
-            with progress.doing(call.doing):
+            with progress.doing(call.progress_text):
                 try:
-                    self._made[call] = call.make(**arguments)
+                    self._made[call] = call.function(**arguments)
                 except InputError as error:
                     if not call.place:
                         raise
-                    raise self.document.problems.error(*call.refused(error)) from error
-        return self._made.get(call, call.made)
+                    raise self.document.mistakes.error(*call.mistake_of(error)) from error
+        return self._made.get(call, call.result)
 
 
 def with_named_materials(data: Table) -> Table:
     """The scene with each material's name, also in parts and groups, replaced by a table."""
     filled_data = dict(data)
     if "material" in data:
-        filled_data["material"] = _material_table(data["material"])
+        filled_data["material"] = _material_tables(data["material"])
     if isinstance(data.get("parts"), dict):
         filled_data["parts"] = {
             name: with_named_materials(part) if isinstance(part, dict) else part
@@ -139,15 +146,15 @@ def with_named_materials(data: Table) -> Table:
     return filled_data
 
 
-def _material_table(value: object) -> object:
+def _material_tables(value: object) -> object:
     """A [material] section in which each material is a table."""
     if isinstance(value, str):
-        return {KIND: "material", "name": value}
-    if not isinstance(value, dict) or KIND in value:
+        return {KIND_KEY: "material", "name": value}
+    if not isinstance(value, dict) or KIND_KEY in value:
         return value
     if "name" in value:
-        return {KIND: "material", **value}
-    return {group: _material_table(entry) for group, entry in value.items()}
+        return {KIND_KEY: "material", **value}
+    return {group: _material_tables(entry) for group, entry in value.items()}
 
 
 class Builder:
@@ -157,13 +164,13 @@ class Builder:
         self.document = document
         self.data: Table = with_named_materials(document.data)
         #: (place, sentence): notes a mistake
-        self.note = document.problems.add
+        self.note = document.mistakes.add_mistake
         #: warnings of the objects that were made
         self.warnings: list[str] = []
 
     # -- sections, each by its form: [x], [[x]], [x.NAME]
 
-    def known_sections(
+    def check_sections(
         self, data: Table, known: Mapping[str, SceneSection], place: Place = ()
     ) -> None:
         """Note sections that do not exist and sections of the wrong form."""
@@ -172,54 +179,58 @@ class Builder:
             if name not in known:
                 similar = closest_name(name, known)
                 hint = f"; did you mean [{similar}], {known[similar].about}?" if similar else "."
-                fault = f"{f'[{label(place)}]' if place else 'a scene'} has no section"
-                known_names = f"There is {listed(known)}."
+                fault = f"{f'[{place_text(place)}]' if place else 'a scene'} has no section"
+                known_names = f"There is {names_text(known)}."
                 self.note(entry_place, f"{fault} {checks.shown(name)}{hint} {known_names}")
                 continue
-            form, fault, heading = schema.FORMS[known[name].form]
+            form, fault, heading = schema.SECTION_FORMS[known[name].form]
             if not isinstance(value, form):
                 self.note(
                     entry_place,
-                    f"{label(entry_place)} must be {fault}{heading.format(label(entry_place))}.",
+                    f"{place_text(entry_place)} must be {fault}"
+                    f"{heading.format(place_text(entry_place))}.",
                 )
 
-    def part(self, name: str, form: type = dict, data: Table | None = None) -> Any:
+    def section(self, name: str, form: type = dict, data: Table | None = None) -> Any:
         """The section `name` of `data` (default: the scene); empty if missing or no `form`."""
         value = (self.data if data is None else data).get(name)
         if isinstance(value, form):
             return value
         return form()
 
-    def table(
+    def call_of_section(
         self,
         name: str,
         data: Table | None = None,
         place: Place = (),
-        always: bool = False,
+        even_if_missing: bool = False,
         **options: Any,
     ) -> Call | None:
         """The call of a section [x] of `data` at `place`; None if it is missing.
 
-        `always`: treat a missing section as empty; `options`: arguments of `call`.
+        `even_if_missing`: treat a missing section as empty; `options`: arguments of `call`.
         """
         data = self.data if data is None else data
-        if not always and not isinstance(data.get(name), dict):
+        if not even_if_missing and not isinstance(data.get(name), dict):
             return None
         return self.call(
-            schema.SECTIONS[name], self.part(name, dict, data), (*place, name), **options
+            schema.SECTIONS[name], self.section(name, dict, data), (*place, name), **options
         )
 
-    def listed(self, name: str, data: Table | None = None, place: Place = ()) -> list[Call]:
+    def calls_of_list(self, name: str, data: Table | None = None, place: Place = ()) -> list[Call]:
         """The valid calls of a section [[x]] of `data` (default: the scene) at `place`."""
-        tables = enumerate(self.part(name, list, data))
+        tables = enumerate(self.section(name, list, data))
         calls = [self.call(schema.SECTIONS[name], table, (*place, name, i)) for i, table in tables]
         return [call for call in calls if call is not None]
 
-    def named(self, name: str, arguments: Table | None = None) -> dict[str, Call]:
-        """NAME -> call of the sections [x.NAME]; `arguments`: those that other sections give."""
-        tables = self.part(name).items()
+    def calls_by_name(self, name: str, given_arguments: Table | None = None) -> dict[str, Call]:
+        """NAME -> call of the sections [x.NAME].
+
+        `given_arguments`: those that other sections give.
+        """
+        tables = self.section(name).items()
         calls = {
-            key: self.call(schema.SECTIONS[name], table, (name, key), arguments)
+            key: self.call(schema.SECTIONS[name], table, (name, key), given_arguments)
             for key, table in tables
         }
         return {key: call for key, call in calls.items() if call is not None}
@@ -231,50 +242,58 @@ class Builder:
         section: SceneSection | Sequence[str],
         table: object,
         place: Place,
-        given: Table | None = None,
+        given_arguments: Table | None = None,
     ) -> Call | None:
         """The call that a table describes, or None if it is wrong.
 
-        `section` may be the names from which `kind` chooses; `given` are arguments from other
-        sections, None for one with a mistake.
+        `section` may be the names from which `kind` chooses; `given_arguments` are arguments from
+        other sections, None for one with a mistake.
         """
-        callables = section.makes if isinstance(section, SceneSection) else section
-        given = dict(given or {})
-        withheld = {*given, *(section.given.split() if isinstance(section, SceneSection) else ())}
+        callables = section.callables if isinstance(section, SceneSection) else section
+        given_arguments = dict(given_arguments or {})
+        withheld = {
+            *given_arguments,
+            *(section.given.split() if isinstance(section, SceneSection) else ()),
+        }
         try:
             if not isinstance(table, dict):
                 shown_table = checks.shown(table)
-                self._wrong(place, f"{label(place)} must be a table of keys; got {shown_table}.")
-            function = self._function(callables, table, place)
-            allowed = {n: p for n, p in parameters(function).items() if n not in withheld}
+                self._note_mistake(
+                    place, f"{place_text(place)} must be a table of keys; got {shown_table}."
+                )
+            function = self._function_name(callables, table, place)
+            allowed = {n: p for n, p in parameters_of(function).items() if n not in withheld}
         except MissingDependencyError as error:
-            self.note(place, f"{label(place)} cannot be used here: {error}")
+            self.note(place, f"{place_text(place)} cannot be used here: {error}")
             return None
-        except Mistake:
+        except InvalidValue:
             return None
-        arguments, complete = self._values(allowed, table, place, function)
-        arguments = {**given, **arguments}
+        arguments, complete = self._valid_values(allowed, table, place, function)
+        arguments = {**given_arguments, **arguments}
         if not complete or None in arguments.values():
             return None
-        call = Call(resolved(function), arguments, place)
-        if schema.only_checks(function):
-            return self._made_now(call)
+        call = Call(callable_of(function), arguments, place)
+        if schema.is_checking_only(function):
+            return self._call_with_result(call)
         return call
 
-    def _function(self, kinds: Sequence[str], table: Table, place: Place) -> str:
+    def _function_name(self, kinds: Sequence[str], table: Table, place: Place) -> str:
         """Name of the callable among `kinds` that the key `kind` of a table chooses."""
-        kind = table.get(KIND, kinds[0] if len(kinds) == 1 else None)
+        kind = table.get(KIND_KEY, kinds[0] if len(kinds) == 1 else None)
         if kind is None and {name.split(".")[0] for name in kinds} == {kinds[0]}:
             kind = kinds[0]  # the class itself, where the others are its constructors
         if kind is None:
-            self._wrong(place, f"{label(place)} lacks {KIND!r}, one of {listed(kinds)}.")
+            self._note_mistake(
+                place, f"{place_text(place)} lacks {KIND_KEY!r}, one of {names_text(kinds)}."
+            )
         if not isinstance(kind, str) or kind not in kinds:
-            fault = f"{label(place)} has no {KIND} {checks.shown(kind)}{suggestion(kind, kinds)}"
-            self._wrong((*place, KIND), f"{fault} It may be {listed(kinds)}.")
+            hint = spelling_suggestion(kind, kinds)
+            fault = f"{place_text(place)} has no {KIND_KEY} {checks.shown(kind)}{hint}"
+            self._note_mistake((*place, KIND_KEY), f"{fault} It may be {names_text(kinds)}.")
         return kind
 
-    def _values(
-        self, known: Mapping[str, Parameter], table: Table, place: Place, function: str
+    def _valid_values(
+        self, known: Mapping[str, SceneParameter], table: Table, place: Place, function: str
     ) -> tuple[dict[str, object], bool]:
         """(valid values of a table by key, whether all are valid and none is missing).
 
@@ -283,108 +302,121 @@ class Builder:
         values = {}
         complete = True
         for key, value in table.items():
-            if key == KIND and key not in known:
+            if key == KIND_KEY and key not in known:
                 continue
             try:
                 if key not in known:
-                    self._no_key(place, key, known, function)
+                    self._refuse_key(place, key, known, function)
                 values[key] = self.value(known[key], value, (*place, key))
-            except Mistake:
+            except InvalidValue:
                 complete = False
         missing_keys = [
             parameter
             for parameter in known.values()
-            if parameter.needed and parameter.name not in table
+            if parameter.is_required and parameter.name not in table
         ]
         meant_keys = {
             closest_name(key, known) for key in table if missing_keys and key not in known
         }
         for parameter in missing_keys:
             if parameter.name not in meant_keys:  # a key that does not exist means it
-                self.note(place, f"{label(place)} lacks {parameter.name!r}.")
+                self.note(place, f"{place_text(place)} lacks {parameter.name!r}.")
         return values, complete and not missing_keys
 
-    def _no_key(
-        self, place: Place, key: str, known: Mapping[str, Parameter], function: str
+    def _refuse_key(
+        self, place: Place, key: str, known: Mapping[str, SceneParameter], function: str
     ) -> NoReturn:
         """Note an unknown key of a table with the most similar known key, and raise Mistake."""
         key_place = (*place, key)
-        if key in schema.WITHHELD and key in inspect.signature(resolved(function)).parameters:
-            self._wrong(
-                key_place, f"{label(key_place)} has no place in a file: {schema.WITHHELD[key]}."
+        if (
+            key in schema.WITHHELD_PARAMETERS
+            and key in inspect.signature(callable_of(function)).parameters
+        ):
+            self._note_mistake(
+                key_place,
+                f"{place_text(key_place)} has no place in a file: "
+                f"{schema.WITHHELD_PARAMETERS[key]}.",
             )
-        hint = suggestion(key, known)
-        keys = f"It takes {listed(known)}." if known else "It takes no keys."
-        self._wrong(key_place, f"{label(place)} has no key {checks.shown(key)}{hint} {keys}")
+        hint = spelling_suggestion(key, known)
+        keys = f"It takes {names_text(known)}." if known else "It takes no keys."
+        self._note_mistake(
+            key_place, f"{place_text(place)} has no key {checks.shown(key)}{hint} {keys}"
+        )
 
-    def _made_now(self, call: Call) -> Call | None:
+    def _call_with_result(self, call: Call) -> Call | None:
         """The call with its result, if no argument waits for the run; None after an error, which
         is noted.
         """
-        if any(inner.made is None for inner in calls_in(call.arguments)):
+        if any(inner.result is None for inner in calls_in(call.arguments)):
             return call  # it waits for a file that the run reads
         messages: list[str] = []
         try:
             with warnings_to(messages.append):
-                result = call.make(**replaced(dict(call.arguments)))
+                result = call.function(**with_results(dict(call.arguments)))
                 if isinstance(result, plausible.ExaminedMaterial):
                     plausible.warn_each([plausible.material_doubt(result)])
         except Exception as error:
-            self.note(*call.refused(error))
+            self.note(*call.mistake_of(error))
             return None
         self.warnings += [message for message in messages if message not in self.warnings]
-        return replace(call, made=result)
+        return replace(call, result=result)
 
     # -- values
 
-    def value(self, parameter: Parameter, value: object, place: Place) -> object:
+    def value(self, parameter: SceneParameter, value: object, place: Place) -> object:
         """The value of a key converted to an argument; notes an invalid one and raises Mistake."""
-        converted = self._converted(parameter.form, value, place)
+        converted = self._converted_value(parameter.form, value, place)
         if parameter.check is not None and not any(calls_in(converted)):
             try:
                 parameter.check(parameter.name, converted)
             except InputError as error:
-                self._wrong(place, f"{label(place)}: {error}")
+                self._note_mistake(place, f"{place_text(place)}: {error}")
         return converted
 
-    def _converted(self, form: Form, value: Any, place: Place) -> object:
+    def _converted_value(self, form: ValueForm, value: Any, place: Place) -> object:
         """The value converted by its form, also within lists and tables."""
         if isinstance(value, str):
-            return self._path(value, place) if form.path else value
+            return self._existing_path(value, place) if form.is_path else value
         if isinstance(value, list):
-            if len(value) > LONGEST_LIST:
-                self._wrong(place, f"{label(place)} has more than {LONGEST_LIST} entries.")
+            if len(value) > MAX_LIST_LENGTH:
+                self._note_mistake(
+                    place, f"{place_text(place)} has more than {MAX_LIST_LENGTH} entries."
+                )
             entries = enumerate(value)
-            return tuple(self._converted(form.items or form, x, (*place, i)) for i, x in entries)
+            return tuple(
+                self._converted_value(form.item_form or form, x, (*place, i)) for i, x in entries
+            )
         if isinstance(value, dict):
-            return self._of_table(form, value, place)
-        if form.floats and not form.whole and type(value) is int:
+            return self._converted_table(form, value, place)
+        if form.to_float and not form.allows_integer and type(value) is int:
             try:
                 return float(value)
             except OverflowError:
-                self._wrong(place, f"{label(place)} is larger than any number that can be stored.")
+                self._note_mistake(
+                    place, f"{place_text(place)} is larger than any number that can be stored."
+                )
         return value
 
-    def _of_table(self, form: Form, table: dict[str, Any], place: Place) -> object:
+    def _converted_table(self, form: ValueForm, table: dict[str, Any], place: Place) -> object:
         """The call that a table of this form describes, or the table with converted values."""
-        if form.objects:
-            names = [name for kind in form.objects for name in schema.constructors_of(kind)]
+        if form.object_classes:
+            names = [name for kind in form.object_classes for name in schema.constructors_of(kind)]
             call = self.call(names, table, place)
             if call is None:
-                raise Mistake
+                raise InvalidValue
             return call
-        for key in table if form.nodes else ():
+        for key in table if form.keys_are_nodes else ():
             if not re.fullmatch(r"\d{1,15}", key):
-                sentence = f"{label(place)} has node numbers as keys; got {key!r}."
-                self._wrong((*place, key), sentence)
+                sentence = f"{place_text(place)} has node numbers as keys; got {key!r}."
+                self._note_mistake((*place, key), sentence)
         return {
-            int(key) if form.nodes else key: self._converted(
-                form.entries or schema.PLAIN, entry, (*place, key)
+            int(key) if form.keys_are_nodes else key: self._converted_value(
+                form.entry_form or schema.PLAIN_FORM, entry, (*place, key)
             )
             for key, entry in table.items()
         }
 
-    def _path(self, value: str, place: Place) -> str:
+    def _existing_path(self, value: str, place: Place) -> str:
         """The path of an existing file that the scene names, from the scene's folder."""
         fault = "which does not exist"
         try:
@@ -399,10 +431,10 @@ class Builder:
                 fault += f" (there is {similar!r} in that folder)" if similar else ""
         except (OSError, ValueError):  # a name that no system takes
             pass
-        sentence = f"{label(place)} names the file {checks.shown(value)}, {fault}"
-        self._wrong(place, f"{sentence}; paths begin at the folder of the scene file.")
+        sentence = f"{place_text(place)} names the file {checks.shown(value)}, {fault}"
+        self._note_mistake(place, f"{sentence}; paths begin at the folder of the scene file.")
 
-    def _wrong(self, place: Place, sentence: str) -> NoReturn:
-        """Note a mistake and raise `Mistake`."""
+    def _note_mistake(self, place: Place, sentence: str) -> NoReturn:
+        """Note a mistake and raise `InvalidValue`."""
         self.note(place, sentence)
-        raise Mistake
+        raise InvalidValue

@@ -26,13 +26,13 @@ from antiosc_app.scene_file.build import (
     Builder,
     Call,
     Evaluation,
-    Mistake,
+    InvalidValue,
     calls_in,
-    replaced,
+    with_results,
 )
-from antiosc_app.scene_file.document import GEOMETRIES, Document, Place, Table, label
-from antiosc_app.scene_file.schema import KIND, SECTIONS, SOURCES, parameters
-from antiosc_app.scene_file.shock import Shock, shock_of
+from antiosc_app.scene_file.document import GEOMETRY_ENDINGS, Document, Place, Table, place_text
+from antiosc_app.scene_file.schema import KIND_KEY, SECTIONS, SOURCE_SECTIONS, parameters_of
+from antiosc_app.scene_file.shock import ProbeShock, shock_of
 
 if TYPE_CHECKING:
     from antiosc import AntiOscillators, Fall, PeakField, Structure
@@ -40,13 +40,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 #: Number of even times over a run at which probes are evaluated, besides those of the run.
-PROBE_TIMES = 1001
+PROBE_TIME_COUNT = 1001
 #: Of a section that is missing.
-MISSING: Any = None
+MISSING_SECTION: Any = None
 
 
 @dataclass(kw_only=True)
-class Objects(Generic[T]):
+class SceneObjects(Generic[T]):
     """What the sections of a scene make, as calls or as results; None for a missing section.
 
     `batch` and `facts`: impacts of [sweep] and their error budgets; `sample`: runs of
@@ -54,29 +54,29 @@ class Objects(Generic[T]):
     accelerometers and largest stress of `fall`; `found`: the blow of [find].
     """
 
-    structure: T = MISSING
-    model: T = MISSING
-    impactor: T = MISSING
-    contact: T = MISSING
-    scene: T = MISSING
-    history: T = MISSING
+    structure: T = MISSING_SECTION
+    model: T = MISSING_SECTION
+    impactor: T = MISSING_SECTION
+    contact: T = MISSING_SECTION
+    scene: T = MISSING_SECTION
+    history: T = MISSING_SECTION
     probes: Mapping[str, T] = field(default_factory=dict)
     spectra: Mapping[str, T] = field(default_factory=dict)
-    stresses: T = MISSING
-    batch: T = MISSING
-    facts: T = MISSING
-    map: T = MISSING
-    sample: T = MISSING
-    nominal: T = MISSING
-    fall: T = MISSING
+    stresses: T = MISSING_SECTION
+    batch: T = MISSING_SECTION
+    facts: T = MISSING_SECTION
+    map: T = MISSING_SECTION
+    sample: T = MISSING_SECTION
+    nominal: T = MISSING_SECTION
+    fall: T = MISSING_SECTION
     peaks: Mapping[str, T] = field(default_factory=dict)
-    worst: T = MISSING
-    found: T = MISSING
+    worst: T = MISSING_SECTION
+    found: T = MISSING_SECTION
     warnings: list[str] = field(default_factory=list)
 
 
 @dataclass(kw_only=True)
-class CompiledScene(Objects[Call | None]):
+class CompiledScene(SceneObjects[Call | None]):
     """The calls of a document's sections; `output` describes the files to be written."""
 
     document: Document
@@ -88,13 +88,15 @@ class CompiledScene(Objects[Call | None]):
         return self.history or self.fall or self.found
 
     @property
-    def striking(self) -> bool:
+    def is_strike(self) -> bool:
         """Whether the scene has [strike], which chooses mesh and model."""
         return self.history is not None and self.history.name == "strike"
 
-    def does(self) -> list[str]:
+    def runnable_commands(self) -> list[str]:
         """The commands that can run this scene."""
-        commands = (n for n, study in STUDIES.items() if getattr(self, study.result) is not None)
+        commands = (
+            n for n, study in COMMAND_STUDIES.items() if getattr(self, study.result) is not None
+        )
         return [f"antiosc {name}" for name in commands]
 
 
@@ -104,14 +106,14 @@ class Study(NamedTuple):
     """
 
     result: str
-    lacking: str
-    makes: tuple[str, ...]
+    missing_message: str
+    made_fields: tuple[str, ...]
 
 
 #: Sections whose structure has a mesh.
-MESHED = "geometry deck parts"
+MESHED_SECTIONS = "geometry deck parts"
 
-STUDIES = {
+COMMAND_STUDIES = {
     "run": Study(
         "simulation",
         "no simulation to run: give [simulate], [run] for a scene of several contacts, [drop] or"
@@ -141,60 +143,60 @@ STUDIES = {
 # -- the objects
 
 
-def source(build: Builder) -> str:
+def structure_section(build: Builder) -> str:
     """Name of the section that describes the structure; "" if there are only rigid bodies."""
-    return next((name for name in SOURCES if name in build.data), "")
+    return next((name for name in SOURCE_SECTIONS if name in build.data), "")
 
 
-def structure(build: Builder) -> Call | None:
+def structure_call(build: Builder) -> Call | None:
     """The call that makes the structure; None if the scene has none, or [strike] makes it."""
-    name = source(build)
+    name = structure_section(build)
     if name == "parts":
-        return _assembly(build)
+        return _assembly_call(build)
     if name == "matrices":
-        return build.table("matrices")
-    if name == "deck" or (name == "geometry" and not refined(build)):
-        return _part(build, build.data, ())
+        return build.call_of_section("matrices")
+    if name == "deck" or (name == "geometry" and not is_refined_by_strike(build)):
+        return _part_call(build, build.data, ())
     return None
 
 
-def refined(build: Builder) -> bool:
+def is_refined_by_strike(build: Builder) -> bool:
     """Whether [strike] chooses the mesh; it does not if the scene has [attached] or [structure]."""
     mesh = {"geometry", "strike"} <= set(build.data)
     return mesh and not {"attached", "structure"} & set(build.data)
 
 
-def _part(build: Builder, data: Table, place: Place) -> Call | None:
+def _part_call(build: Builder, data: Table, place: Place) -> Call | None:
     """The call that makes the structure of a deck or mesh; `data`: sections at `place`."""
-    supported = _supported(build, data, place)
+    supported = _support_arguments(build, data, place)
     if "deck" in data:
-        return build.table("deck", data, place, given=supported)
-    arguments = {"mesh": build.table("geometry", data, place), **supported}
-    arguments["material"] = _material(build, data, place)
+        return build.call_of_section("deck", data, place, given_arguments=supported)
+    arguments = {"mesh": build.call_of_section("geometry", data, place), **supported}
+    arguments["material"] = _material_call(build, data, place)
     section = "structure" if "structure" in data else "material"  # the section that is there
     if not place and "prestress" in data:
-        arguments["prestress"] = build.table("prestress")
-    options = build.part("structure", dict, data)
+        arguments["prestress"] = build.call_of_section("prestress")
+    options = build.section("structure", dict, data)
     return build.call(SECTIONS["structure"], options, (*place, section), arguments)
 
 
-def _supported(build: Builder, data: Table, place: Place) -> dict[str, object]:
+def _support_arguments(build: Builder, data: Table, place: Place) -> dict[str, object]:
     """The arguments `supports` and `attached` of a structure, if they are not empty."""
-    lists = {name: build.listed(name, data, place) for name in ("supports", "attached")}
+    lists = {name: build.calls_of_list(name, data, place) for name in ("supports", "attached")}
     return {name: value for name, value in lists.items() if value}
 
 
-def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Call] | None:
+def _material_call(build: Builder, data: Table, place: Place) -> Call | dict[str, Call] | None:
     """The call of the only material, or group of cells -> call; None after a mistake."""
     table = data.get("material")
     material_place = (*place, "material")
     section = SECTIONS["material"]
     if not isinstance(table, dict):
-        sentence = f"there is no [{label(material_place)}]; it takes kind and the constants"
+        sentence = f"there is no [{place_text(material_place)}]; it takes kind and the constants"
         build.note(
             place,
-            f'{sentence}, as in `[{label(material_place)}]` `kind = "Solid"`, '
-            f'or a name, as `{label(material_place)} = "steel S235"`.',
+            f'{sentence}, as in `[{place_text(material_place)}]` `kind = "Solid"`, '
+            f'or a name, as `{place_text(material_place)} = "steel S235"`.',
         )
         return None
     if table and all(isinstance(group_table, dict) for group_table in table.values()):
@@ -209,60 +211,68 @@ def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Cal
     return build.call(section, table, material_place)
 
 
-def _assembly(build: Builder) -> Call | None:
+def _assembly_call(build: Builder) -> Call | None:
     """The call of `assemble`; None after a mistake in a part."""
     parts: dict[str, Call | None] = {}
-    for name, data in build.part("parts").items():
+    for name, data in build.section("parts").items():
         place: Place = ("parts", name)
         if not isinstance(data, dict):
-            build.note(place, f"{label(place)} must be a table, [parts.{name}].")
+            build.note(place, f"{place_text(place)} must be a table, [parts.{name}].")
             continue
-        build.known_sections(data, SECTIONS["parts"].inner, place)
+        build.check_sections(data, SECTIONS["parts"].inner_sections, place)
         if "deck" in data or "geometry" in data:
-            parts[name] = _part(build, data, place)
+            parts[name] = _part_call(build, data, place)
         else:
-            build.note(place, f"{label(place)} lacks a geometry or a deck.")
+            build.note(place, f"{place_text(place)} lacks a geometry or a deck.")
     points: object = {}
-    with contextlib.suppress(Mistake):
-        rule = parameters("assemble")["points"]
-        points = build.value(rule, build.part("points"), ("points",))
-    joints = build.listed("joints")
-    placements = build.named("at")
-    extra_arguments = {"at": placements, "points": points, **_supported(build, build.data, ())}
+    with contextlib.suppress(InvalidValue):
+        rule = parameters_of("assemble")["points"]
+        points = build.value(rule, build.section("points"), ("points",))
+    joints = build.calls_of_list("joints")
+    placements = build.calls_by_name("at")
+    extra_arguments = {
+        "at": placements,
+        "points": points,
+        **_support_arguments(build, build.data, ()),
+    }
     arguments: dict[str, object] = {"parts": parts if None not in parts.values() else None}
     arguments |= {"joints": joints} | {
         name: value for name, value in extra_arguments.items() if value
     }
-    return build.table("assembly", always=True, given=arguments)
+    return build.call_of_section("assembly", even_if_missing=True, given_arguments=arguments)
 
 
-def model(build: Builder, structure: Call | None) -> Call | None:
+def model_call(build: Builder, structure: Call | None) -> Call | None:
     """The call that makes the reduced model; None if no section needs one."""
-    model_call = _model(build, structure)
+    model_call = _plain_model_call(build, structure)
     if "surface" not in build.data:
         return model_call
-    return build.table("surface", given={"self": model_call})
+    return build.call_of_section("surface", given_arguments={"self": model_call})
 
 
-def _model(build: Builder, structure: Call | None) -> Call | None:
+def _plain_model_call(build: Builder, structure: Call | None) -> Call | None:
     """The call of the reduced model without its [surface]; None if no section needs one."""
-    name = source(build)
-    sites = build.named("sites")
+    name = structure_section(build)
+    sites = build.calls_by_name("sites")
     if name == "model":
-        return build.table("model")
+        return build.call_of_section("model")
     if name == "frf":
-        return build.table("from_frf", always=True, given={"frf": build.table("frf")})
+        return build.call_of_section(
+            "from_frf", even_if_missing=True, given_arguments={"frf": build.call_of_section("frf")}
+        )
     model_sections = {"extract", "simulate", "contacts", "run", "sweep"} & set(build.data)
     if not name or "strike" in build.data or not (model_sections or sites):
         return None
     if not build.data.get("sites"):
         build.note((name,), "the scene has no site: give [sites.NAME] with point and direction.")
-    has_sites = len(build.part("sites")) > 1 or "contacts" in build.data
+    has_sites = len(build.section("sites")) > 1 or "contacts" in build.data
     if has_sites and "contacts" not in build.data and "simulate" in build.data:
         sentence = "[simulate] takes one site, and there are several: give [[contacts]] between"
         build.note(("sites",), f'{sentence} "structure:SITE" and [bodies.NAME].')
     site = sites if has_sites else next(iter(sites.values()), None)
-    return build.table("extract", always=True, given={"structure": structure, "site": site})
+    return build.call_of_section(
+        "extract", even_if_missing=True, given_arguments={"structure": structure, "site": site}
+    )
 
 
 # -- one impact, a blow that is looked for, or several contacts
@@ -270,14 +280,16 @@ def _model(build: Builder, structure: Call | None) -> Call | None:
 
 def impactor_and_law(build: Builder) -> tuple[Call | None, Call | None]:
     """(call of the impactor, call of the contact law)."""
-    return build.table("impactor"), _law(build, build.data.get("contact"), ("contact",))
+    return build.call_of_section("impactor"), _law_call(
+        build, build.data.get("contact"), ("contact",)
+    )
 
 
-def _law(build: Builder, table: object, place: Place) -> Call | None:
+def _law_call(build: Builder, table: object, place: Place) -> Call | None:
     """The call of a contact law; "auto" without a table, or for the kind "auto"."""
-    if table is None or table == AUTO or (isinstance(table, dict) and table.get(KIND) == AUTO):
+    if table is None or table == AUTO or (isinstance(table, dict) and table.get(KIND_KEY) == AUTO):
         if isinstance(table, dict) and len(table) > 1:
-            build.note(place, f"{label(place)} of the kind {AUTO!r} takes no other keys.")
+            build.note(place, f"{place_text(place)} of the kind {AUTO!r} takes no other keys.")
         return Call(str, {}, place, AUTO)
     return build.call(SECTIONS["contact"], table, place)
 
@@ -288,110 +300,121 @@ def set_single_impact(build: Builder, compiled: CompiledScene) -> None:
     if "impactor" not in build.data:
         build.note((), f"the scene has no [impactor], {SECTIONS['impactor'].about}: give its kind.")
     if "strike" not in build.data:
-        call = build.table("simulate", given={"model": compiled.model, **calls})
-        compiled.history = _with_second_order(build, compiled, call)
+        call = build.call_of_section("simulate", given_arguments={"model": compiled.model, **calls})
+        compiled.history = _with_second_order_forces(build, compiled, call)
         return
 
-    sites = list(build.named("sites").values())
-    if len(build.part("sites")) != 1:
+    sites = list(build.calls_by_name("sites").values())
+    if len(build.section("sites")) != 1:
         build.note(("strike",), "[strike] needs a structure and one site, [sites.NAME].")
         return
     calls["source"] = compiled.structure
-    if refined(build):  # a file or mesh with material and supports
-        read = build.table("geometry")
-        calls["source"] = read.arguments["source"] if read is not None and _is_file(read) else read
-        calls["material"] = _material(build, build.data, ())
-        calls |= _supported(build, build.data, ())
+    if is_refined_by_strike(build):  # a file or mesh with material and supports
+        read = build.call_of_section("geometry")
+        calls["source"] = (
+            read.arguments["source"] if read is not None and _is_geometry_file(read) else read
+        )
+        calls["material"] = _material_call(build, build.data, ())
+        calls |= _support_arguments(build, build.data, ())
         if "prestress" in build.data:
-            calls["prestress"] = build.table("prestress")
-    compiled.history = build.table("strike", given={"site": next(iter(sites), None), **calls})
+            calls["prestress"] = build.call_of_section("prestress")
+    compiled.history = build.call_of_section(
+        "strike", given_arguments={"site": next(iter(sites), None), **calls}
+    )
 
 
-def _is_file(read: Call) -> bool:
+def _is_geometry_file(read: Call) -> bool:
     """Whether [strike] takes the file of [geometry] itself."""
     options = set(read.arguments) - {"source"}
     suffix = Path(str(read.arguments.get("source"))).suffix.lower()
-    return not options or (options <= {"size", "refine"} and suffix in GEOMETRIES)
+    return not options or (options <= {"size", "refine"} and suffix in GEOMETRY_ENDINGS)
 
 
-def _with_second_order(build: Builder, compiled: CompiledScene, impact: Call | None) -> Call | None:
+def _with_second_order_forces(
+    build: Builder, compiled: CompiledScene, impact: Call | None
+) -> Call | None:
     """The call `impact`, repeated with second-order forces if they matter.
 
     It is unchanged if [extract] has the key `stretch`.
     """
-    given_there = "stretch" in build.part("extract")
+    given_there = "stretch" in build.section("extract")
     if impact is None or None in (compiled.structure, compiled.model) or given_there:
         return impact
-    make = impact.make
+    make = impact.function
 
     def run(structure: Structure, model: AntiOscillators, **given: Any) -> History:
         with finite_element_packages():
             from antiosc.extension import simulated
-        return simulated(structure, model, functools.partial(_struck_by, make, given))
+        return simulated(structure, model, functools.partial(_history_with_model, make, given))
 
     arguments = {"structure": compiled.structure, "model": compiled.model, **impact.arguments}
-    return replace(impact, make=run, arguments=arguments)
+    return replace(impact, function=run, arguments=arguments)
 
 
-def _struck_by(
+def _history_with_model(
     run: Callable[..., History], arguments: dict[str, Any], model: AntiOscillators
 ) -> History:
     """The history by `run` (of an impact, or of a scene `self`) with `model` of the structure."""
     scene = arguments.get("self")
     if scene is None:
         return run(model=model, **arguments)
-    changed_scene = replace(scene, bodies={**scene.bodies, STRUCTURE: model})
+    changed_scene = replace(scene, bodies={**scene.bodies, STRUCTURE_NAME: model})
     return run(**{**arguments, "self": changed_scene})
 
 
 def set_search(build: Builder, compiled: CompiledScene) -> None:
     """Set the call of `find_impact`."""
-    sensors = list(build.named("sensors").values())
+    sensors = list(build.calls_by_name("sensors").values())
     arguments: dict[str, object] = {"structure": compiled.structure, "sensors": sensors}
     calls = zip(("impactor", "contact"), impactor_and_law(build), strict=True)
     arguments |= {name: call for name, call in calls if name in build.data}
-    compiled.found = build.table("find", given=arguments)
+    compiled.found = build.call_of_section("find", given_arguments=arguments)
 
 
 #: The name of the structure among the bodies of a scene.
-STRUCTURE = "structure"
+STRUCTURE_NAME = "structure"
 
 
 def set_several_contacts(build: Builder, compiled: CompiledScene) -> None:
     """Set the calls of `Scene` and of its run as the history."""
-    structure = {STRUCTURE: compiled.model} if source(build) else {}
-    if STRUCTURE in build.part("bodies") and structure:
-        build.note(("bodies", STRUCTURE), f"the body {STRUCTURE!r} is the structure of this scene.")
-    body_calls = build.named("bodies")
+    structure = {STRUCTURE_NAME: compiled.model} if structure_section(build) else {}
+    if STRUCTURE_NAME in build.section("bodies") and structure:
+        build.note(
+            ("bodies", STRUCTURE_NAME),
+            f"the body {STRUCTURE_NAME!r} is the structure of this scene.",
+        )
+    body_calls = build.calls_by_name("bodies")
     bodies = {**body_calls, **structure}
-    is_sound = None not in bodies.values() and len(body_calls) == len(build.part("bodies"))
+    is_sound = None not in bodies.values() and len(body_calls) == len(build.section("bodies"))
     arguments: dict[str, object] = {"bodies": bodies if is_sound else None}
-    arguments["contacts"] = _contacts(build)
+    arguments["contacts"] = _contact_calls(build)
     extra_arguments: dict[str, object] = {
-        "loads": build.listed("loads"),
-        "base": build.table("base"),
-        "motion": build.named("motion"),
+        "loads": build.calls_of_list("loads"),
+        "base": build.call_of_section("base"),
+        "motion": build.calls_by_name("motion"),
     }
     arguments |= {name: call for name, call in extra_arguments.items() if call}
-    compiled.scene = build.table("scene", always=True, given=arguments)
+    compiled.scene = build.call_of_section("scene", even_if_missing=True, given_arguments=arguments)
 
     if "run" not in build.data and "map" not in build.data:
         build.note((), "a scene of several contacts needs [run] with its duration.")
-    run_call = build.table("run", given={"self": compiled.scene})
-    compiled.history = _with_second_order(build, compiled, run_call) if structure else run_call
+    run_call = build.call_of_section("run", given_arguments={"self": compiled.scene})
+    compiled.history = (
+        _with_second_order_forces(build, compiled, run_call) if structure else run_call
+    )
 
 
-def _contacts(build: Builder) -> list[Call | None]:
+def _contact_calls(build: Builder) -> list[Call | None]:
     """The calls of [[contacts]]."""
-    if not build.part("contacts", list):
+    if not build.section("contacts", list):
         build.note((), "a scene of several bodies needs [[contacts]].")
     contacts = []
-    for i, table in enumerate(build.part("contacts", list)):
+    for i, table in enumerate(build.section("contacts", list)):
         place: Place = ("contacts", i)
         if not isinstance(table, dict):
-            build.note(place, f"{label(place)} must be a table, [[contacts]].")
+            build.note(place, f"{place_text(place)} must be a table, [[contacts]].")
             continue
-        law = _law(build, table.get("law"), (*place, "law"))
+        law = _law_call(build, table.get("law"), (*place, "law"))
         arguments = {key: value for key, value in table.items() if key != "law"}
         contacts.append(build.call(SECTIONS["contacts"], arguments, place, {"law": law}))
     return contacts
@@ -402,7 +425,7 @@ def _contacts(build: Builder) -> list[Call | None]:
 
 def probe_times(history: History) -> Array:
     """Times [s] of probes: those of the history, and evenly spaced ones, as flights have few."""
-    return np.union1d(history.time, np.linspace(0.0, history.time[-1], PROBE_TIMES))
+    return np.union1d(history.time, np.linspace(0.0, history.time[-1], PROBE_TIME_COUNT))
 
 
 #: Keys of [probes.NAME] that are its place.
@@ -413,46 +436,52 @@ PLACE_KEYS = ("point", "node", "part", "snap")
 SpectrumKey: TypeAlias = bool | float | Sequence[float]
 
 
-def place_of(probe: Call) -> dict[str, Any]:
+def place_arguments(probe: Call) -> dict[str, Any]:
     """The arguments of a probe that say where it is."""
     return {key: probe.arguments[key] for key in PLACE_KEYS if key in probe.arguments}
 
 
-def shock(
-    structure: Structure, history: History, told_at: SpectrumKey, quantity: str = "", **asked: Any
-) -> Shock:
+def shock_of_probe(
+    structure: Structure,
+    history: History,
+    srs_key: SpectrumKey,
+    quantity: str = "",
+    **arguments: Any,
+) -> ProbeShock:
     """The shock response spectra of a probe, computed from its velocity.
 
-    `told_at`: its key srs; `quantity` is not used; `asked`: its other arguments.
+    `srs_key`: its key srs; `quantity` is not used; `arguments`: its other arguments.
     """
-    return shock_of(structure, history, _frequencies(told_at), **asked)
+    return shock_of(structure, history, _srs_frequencies(srs_key), **arguments)
 
 
-def _frequencies(wanted: SpectrumKey) -> tuple[float, ...]:
+def _srs_frequencies(srs_key: SpectrumKey) -> tuple[float, ...]:
     """The frequencies [Hz] in the key srs; () if it is true or false."""
-    if isinstance(wanted, bool):
+    if isinstance(srs_key, bool):
         return ()
-    return tuple(np.ravel(wanted).tolist())
+    return tuple(np.ravel(srs_key).tolist())
 
 
 def set_requested(build: Builder, compiled: CompiledScene) -> None:
     """Set the calls of [probes] and of [stress], by default of all criteria with a strength."""
     part: Call | None = compiled.structure
-    if compiled.striking and part is None:
+    if compiled.is_strike and part is None:
         part = Call(lambda history: history.structure, {"history": compiled.history})
     arguments = {"structure": part, "history": compiled.history}
     times = Call(probe_times, {"history": compiled.history})
     probes: dict[str, Call] = {}
     spectra: dict[str, Call] = {}
-    for name, probe in build.named("probes", arguments).items():
+    for name, probe in build.calls_by_name("probes", arguments).items():
         keys = dict(probe.arguments)
         wanted = keys.pop("srs", False)
         if wanted is not False:
             _check_srs(build, name, keys.get("quantity", "displacement"), wanted)
-            spectra[name] = replace(probe, make=shock, arguments={"told_at": wanted, **keys})
+            spectra[name] = replace(
+                probe, function=shock_of_probe, arguments={"told_at": wanted, **keys}
+            )
         probes[name] = replace(probe, arguments={"times": times, **keys})
     compiled.probes, compiled.spectra = probes, spectra
-    meshed = compiled.history is not None and source(build) in MESHED.split()
+    meshed = compiled.history is not None and structure_section(build) in MESHED_SECTIONS.split()
     if "stress" in build.data:
         _set_stress(build, compiled, arguments)
     elif meshed:
@@ -464,7 +493,7 @@ def _set_stress(build: Builder, compiled: CompiledScene, arguments: Table) -> No
 
     `arguments`: the calls of structure and history.
     """
-    table = build.part("stress")
+    table = build.section("stress")
     keys = {key: value for key, value in table.items() if key != "tol"}
     asked = build.call(SECTIONS["stress"], keys, ("stress",), arguments)
     if asked is None:
@@ -476,7 +505,7 @@ def _set_stress(build: Builder, compiled: CompiledScene, arguments: Table) -> No
     tol = table["tol"]
     if type(tol) is not float or not 0 < tol < 1:
         build.note(("stress", "tol"), f"stress.tol must lie between 0 and 1, as 0.25; got {tol}.")
-    elif compiled.history is not None and compiled.striking:
+    elif compiled.history is not None and compiled.is_strike:
         striking = {**compiled.history.arguments, "stress_tol": tol}
         compiled.history = replace(compiled.history, arguments=striking)
         compiled.stresses = Call(lambda history: history.stresses, {"history": compiled.history})
@@ -503,13 +532,13 @@ def _fields_to_tolerance(
     call: Any = compiled.structure
     of_site: Any = compiled.model
 
-    def struck(part: Structure) -> History:
-        model = exchanged_call(of_site, {call: replace(call, made=part)})
+    def strike_again(part: Structure) -> History:
+        model = exchanged_call(of_site, {call: replace(call, result=part)})
         return struck_again(history, part, Evaluation(build.document)(model))
 
     finer = functools.partial(with_smaller_cells, build, call, structure)
     fields = functools.partial(fields_by_strength, **options)
-    return closed(history, structure, tol, finer, struck, fields).fields
+    return closed(history, structure, tol, finer, strike_again, fields).fields
 
 
 def with_smaller_cells(
@@ -530,30 +559,30 @@ def with_smaller_cells(
     return Evaluation(build.document)(exchanged_call(call, {geometry: finer}))
 
 
-def exchanged_call(call: Call, known: Mapping[Call, Call]) -> Call:
-    """A copy of `call` in which calls are replaced as `known` says.
+def exchanged_call(call: Call, exchanged_calls: Mapping[Call, Call]) -> Call:
+    """A copy of `call` in which calls are replaced as `exchanged_calls` says.
 
     Models in it are extracted without error estimates.
     """
 
     @functools.cache
-    def exchanged(one: Call) -> Call:
-        if one in known or one.made is not None:
-            return known.get(one, one)
-        arguments = {key: replaced(value, exchanged) for key, value in one.arguments.items()}
+    def exchange(one: Call) -> Call:
+        if one in exchanged_calls or one.result is not None:
+            return exchanged_calls.get(one, one)
+        arguments = {key: with_results(value, exchange) for key, value in one.arguments.items()}
         if one.place == ("extract",):
             arguments.pop("error", None)
         return replace(one, arguments=arguments)
 
-    return exchanged(call)
+    return exchange(call)
 
 
-def _check_srs(build: Builder, name: str, quantity: object, wanted: SpectrumKey) -> None:
+def _check_srs(build: Builder, name: str, quantity: object, srs_key: SpectrumKey) -> None:
     """Note mistakes of the key srs of a probe: wrong quantity, or frequencies out of range."""
-    if not all(0 < frequency < np.inf for frequency in _frequencies(wanted)):
+    if not all(0 < frequency < np.inf for frequency in _srs_frequencies(srs_key)):
         build.note(
             ("probes", name, "srs"),
-            f"[probes.{name}] srs = {wanted}: give finite frequencies above 0 Hz, or true.",
+            f"[probes.{name}] srs = {srs_key}: give finite frequencies above 0 Hz, or true.",
         )
     if quantity not in ("acceleration", "velocity"):
         build.note(

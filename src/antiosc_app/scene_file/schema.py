@@ -32,41 +32,46 @@ from antiosc.models.modal import as_damping
 
 
 @dataclass(frozen=True)
-class Form:
+class ValueForm:
     """How a value of a file is converted to an argument; the callable checks it."""
 
-    path: bool = False  # a text names a file
-    floats: bool = False  # a whole number becomes a float, unless
-    whole: bool = False  # it may be one
-    arrays: bool = False  # a number or an array of them
-    objects: tuple[type, ...] = ()  # classes of which a table makes one
-    items: Form | None = None  # of the entries of a list
-    entries: Form | None = None  # of the values of a table
-    nodes: bool = False  # whether the keys of that table are numbers of nodes
+    is_path: bool = False  # a text names a file
+    to_float: bool = False  # a whole number becomes a float, unless
+    allows_integer: bool = False  # it may be one
+    to_array: bool = False  # a number or an array of them
+    object_classes: tuple[type, ...] = ()  # classes of which a table makes one
+    item_form: ValueForm | None = None  # of the entries of a list
+    entry_form: ValueForm | None = None  # of the values of a table
+    keys_are_nodes: bool = False  # whether the keys of that table are numbers of nodes
 
-    def __or__(self, other: Form) -> Form:
+    def __or__(self, other: ValueForm) -> ValueForm:
         """The form of a value that may have either of two forms."""
-        return Form(
-            self.path or other.path,
-            self.floats or other.floats,
-            self.whole or other.whole,
-            self.arrays or other.arrays,
-            self.objects + other.objects,
-            _either(self.items, other.items),
-            _either(self.entries, other.entries),
-            self.nodes or other.nodes,
+        return ValueForm(
+            self.is_path or other.is_path,
+            self.to_float or other.to_float,
+            self.allows_integer or other.allows_integer,
+            self.to_array or other.to_array,
+            self.object_classes + other.object_classes,
+            _either_form(self.item_form, other.item_form),
+            _either_form(self.entry_form, other.entry_form),
+            self.keys_are_nodes or other.keys_are_nodes,
         )
 
 
-def _either(first: Form | None, second: Form | None) -> Form | None:
+def _either_form(first: ValueForm | None, second: ValueForm | None) -> ValueForm | None:
     """`first | second`, where None is no form."""
     return first | second if first and second else first or second
 
 
-PLAIN, FLOAT, WHOLE, ARRAY = Form(), Form(floats=True), Form(whole=True), Form(arrays=True)
+PLAIN_FORM, FLOAT_FORM, WHOLE_FORM, ARRAY_FORM = (
+    ValueForm(),
+    ValueForm(to_float=True),
+    ValueForm(allows_integer=True),
+    ValueForm(to_array=True),
+)
 
 
-class Unknown:
+class UnknownType:
     """Stands in annotations for names imported for type checkers only; no file can hold one."""
 
 
@@ -75,46 +80,52 @@ class _Names(dict[str, object]):
 
     def __missing__(self, name: str) -> object:
         definitions = (vars(module).get(name) for module in (builtins, typing, collections.abc))
-        return next((value for value in definitions if value is not None), Unknown)
+        return next((value for value in definitions if value is not None), UnknownType)
 
 
-_FORMS: dict[object, Form] = {
-    **{float: FLOAT, int: WHOLE, str: PLAIN, bool: PLAIN, Any: PLAIN},
-    **{Path: Form(path=True), os.PathLike: Form(path=True), Unknown: PLAIN},
-    np.ndarray: ARRAY,
-    typing.Literal: PLAIN,
+_FORMS_BY_TYPE: dict[object, ValueForm] = {
+    **{float: FLOAT_FORM, int: WHOLE_FORM, str: PLAIN_FORM, bool: PLAIN_FORM, Any: PLAIN_FORM},
+    **{
+        Path: ValueForm(is_path=True),
+        os.PathLike: ValueForm(is_path=True),
+        UnknownType: PLAIN_FORM,
+    },
+    np.ndarray: ARRAY_FORM,
+    typing.Literal: PLAIN_FORM,
 }
-_LISTS = (collections.abc.Sequence, collections.abc.Iterable, list, tuple, set)
+_LIST_TYPES = (collections.abc.Sequence, collections.abc.Iterable, list, tuple, set)
 
 
-def form_of(annotation: object) -> Form | None:
+def form_of(annotation: object) -> ValueForm | None:
     """The form of an annotation; None if no file can hold it: functions, communicators."""
     if isinstance(annotation, dataclasses.InitVar):
         return form_of(annotation.type)
     if annotation is ArrayLike:
-        return ARRAY
+        return ARRAY_FORM
     if hasattr(annotation, "__value__"):  # a name for a type, as NDArray is from NumPy 2.4 on
         return form_of(annotation.__value__)
 
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin in (typing.Union, types.UnionType):
         if complex in arguments:  # ArrayLike, which was a union of types before
-            return ARRAY
-        return functools.reduce(_either, map(form_of, set(arguments) - {Unknown}), None)
-    if origin in _LISTS:
-        items = functools.reduce(_either, map(form_of, set(arguments) - {...}), None)
-        return Form(items=items or PLAIN)
+            return ARRAY_FORM
+        return functools.reduce(_either_form, map(form_of, set(arguments) - {UnknownType}), None)
+    if origin in _LIST_TYPES:
+        items = functools.reduce(_either_form, map(form_of, set(arguments) - {...}), None)
+        return ValueForm(item_form=items or PLAIN_FORM)
     if origin in (collections.abc.Mapping, dict):
-        return Form(entries=form_of(arguments[1]) or PLAIN, nodes=arguments[0] is int)
+        return ValueForm(
+            entry_form=form_of(arguments[1]) or PLAIN_FORM, keys_are_nodes=arguments[0] is int
+        )
     if isinstance(annotation, type) and annotation.__module__.startswith("antiosc"):
-        return _FORMS.get(annotation, Form(objects=(annotation,)))
-    return _FORMS.get(origin or annotation)
+        return _FORMS_BY_TYPE.get(annotation, ValueForm(object_classes=(annotation,)))
+    return _FORMS_BY_TYPE.get(origin or annotation)
 
 
 # -- parameters of what the sections make
 
 #: Parameters that no file may give, beside those that only Python objects can be.
-WITHHELD = {
+WITHHELD_PARAMETERS = {
     "trust": "a file cannot permit itself to run commands; use Python for a script that you trust",
     "shapes": "shapes are always kept, for fields and probes",
     **dict.fromkeys(
@@ -134,27 +145,29 @@ Check = Callable[[str, Any], object]
 
 
 @dataclass(frozen=True)
-class Parameter:
+class SceneParameter:
     """One key of a section: its conversion, whether it is needed, and the check of its value."""
 
     name: str
-    form: Form
-    needed: bool = True
+    form: ValueForm
+    is_required: bool = True
     check: Check | None = None
 
 
 #: Function -> keys of its section that only scenes have.
-SCENE_KEYS = {"probe": (Parameter("srs", PLAIN, needed=False),)}
+SCENE_KEYS = {"probe": (SceneParameter("srs", PLAIN_FORM, is_required=False),)}
 
 
 @functools.cache
-def parameters(function: str) -> Mapping[str, Parameter]:
+def parameters_of(function: str) -> Mapping[str, SceneParameter]:
     """Name -> Parameter of a public callable such as "Solid" or "Hertz.from_radii"."""
-    call = resolved(function)
+    call = callable_of(function)
     inner = inspect.unwrap(call.__init__ if inspect.isclass(call) else call)
     names = _Names(getattr(inner, "__func__", inner).__globals__)
     # fields of dataclasses have checks; the values of a batch are lists
-    field_checks = CHECKS if not only_checks(function) and function != "simulate_many" else {}
+    field_checks = (
+        PARAMETER_CHECKS if not is_checking_only(function) and function != "simulate_many" else {}
+    )
     if dataclasses.is_dataclass(call):
         metadata = {entry.name: entry.metadata for entry in dataclasses.fields(call)}
         field_checks = {key: data["check"] for key, data in metadata.items() if "check" in data}
@@ -165,48 +178,48 @@ def parameters(function: str) -> Mapping[str, Parameter]:
         full = f"{function}.{name}"
         form = form_of(parameter.annotation)
         if full in OBJECT_PARAMETERS:
-            form = Form(objects=(resolved(OBJECT_PARAMETERS[full]),))
+            form = ValueForm(object_classes=(callable_of(OBJECT_PARAMETERS[full]),))
         if full in FILE_PARAMETERS:
-            form = Form(path=True)
-        if form and name not in WITHHELD and parameter.kind is not parameter.VAR_KEYWORD:
+            form = ValueForm(is_path=True)
+        if form and name not in WITHHELD_PARAMETERS and parameter.kind is not parameter.VAR_KEYWORD:
             required = parameter.default in (parameter.empty, checks.REQUIRED)
-            check = CHECKS.get(full, field_checks.get(name))
-            by_name[name] = Parameter(name, form, required, check)
+            check = PARAMETER_CHECKS.get(full, field_checks.get(name))
+            by_name[name] = SceneParameter(name, form, required, check)
     return by_name | {parameter.name: parameter for parameter in SCENE_KEYS.get(function, ())}
 
 
-def resolved(function: str) -> Any:
+def callable_of(function: str) -> Any:
     """The public callable of a dotted name, as "Hertz.from_radii"; `Output` for "output"."""
     if function == "output":
         return Output
     return functools.reduce(getattr, function.split("."), antiosc)
 
 
-def only_checks(function: str) -> bool:
+def is_checking_only(function: str) -> bool:
     """Whether a callable only checks and stores values, and is called while a scene is checked."""
     class_name = function.partition(".")[0]
     return function in CHECKING_FUNCTIONS or (
-        inspect.isclass(resolved(class_name)) and class_name not in COMPUTING_CLASSES
+        inspect.isclass(callable_of(class_name)) and class_name not in COMPUTING_CLASSES
     )
 
 
-def _choice(name: str) -> Check:
+def _choice_check(name: str) -> Check:
     """A check against the choices in "module:name", imported on use as it may need dolfinx."""
     return lambda key, value: checks.choice(key, value, tuple(pkgutil.resolve_name(name)))
 
 
 #: What a support may fix.
-COMPONENTS = ("all", "x", "y", "z", "rx", "ry", "rz")
+SUPPORT_COMPONENTS = ("all", "x", "y", "z", "rx", "ry", "rz")
 #: Parameter, or function and parameter, -> the check of its value: of functions that would refuse
 #: it only after a mesh was made, or an impact computed.
-CHECKS: dict[str, Check] = {
+PARAMETER_CHECKS: dict[str, Check] = {
     **dict.fromkeys(("duration", "step", "size", "radius", "height"), checks.positive),
     **dict.fromkeys(("band", "accuracy", "expansion"), checks.positive),
     "damping": lambda _, value: as_damping(value),
-    "filter": _choice("antiosc.base.cfc:CLASSES"),
-    "method": _choice("antiosc.impact.settings:METHODS"),
+    "filter": _choice_check("antiosc.base.cfc:CLASSES"),
+    "method": _choice_check("antiosc.impact.settings:METHODS"),
     "n": lambda name, value: value if value == "auto" else checks.whole(name, value, least=0),
-    "quantity": _choice("antiosc.fields.probe:PROBED_QUANTITIES"),
+    "quantity": _choice_check("antiosc.fields.probe:PROBED_QUANTITIES"),
     "times": checks.nonempty,
     "tol": lambda name, value: checks.tolerance(value, name),
     "Site.point": functools.partial(checks.floats, shape=None),
@@ -217,7 +230,8 @@ CHECKS: dict[str, Check] = {
         checks.choice, options=("receptance", "mobility", "accelerance")
     ),
     "Support.fix": lambda _, value: [
-        checks.choice("fix", component, COMPONENTS) for component in np.ravel(value).tolist()
+        checks.choice("fix", component, SUPPORT_COMPONENTS)
+        for component in np.ravel(value).tolist()
     ],
 }
 
@@ -242,16 +256,16 @@ class Output:
 
 
 #: The key that chooses one of several classes or constructors.
-KIND = "kind"
+KIND_KEY = "kind"
 # Classes and other constructors that `kind` chooses from. Materials:
-FAMILIES = "AnisotropicSolid Beam Laminate Shell Solid Truss material"
-LAWS = (
-    "ElasticPlastic Flores Gonthier HuntCrossley LankaraniNikravesh Thornton"
-    " Thornton.from_material YangSun Hertz Hertz.from_radii Linear Power Tabulated"
+FAMILY_NAMES = "AnisotropicSolid Beam Laminate Shell Solid Truss material"
+LAW_NAMES = (
+    "ElasticPlastic Flores Gonthier HuntCrossley LankaraniNikravesh Thornton Thornton.from_material"
+    " YangSun Hertz Hertz.from_radii Linear Power Tabulated"
 )
-IMPACTORS = "Impactor Obstacle RigidMass Sphere named_impactor"
-DISTRIBUTIONS = "normal lognormal uniform"
-JOINTS = "Bolt Bushing Equation Ball Hinge Slider Weld Mean Rigid Tie"
+IMPACTOR_NAMES = "Impactor Obstacle RigidMass Sphere named_impactor"
+DISTRIBUTION_NAMES = "normal lognormal uniform"
+JOINT_NAMES = "Bolt Bushing Equation Ball Hinge Slider Weld Mean Rigid Tie"
 
 
 @dataclass(frozen=True)
@@ -259,18 +273,19 @@ class SceneSection:
     """One section of a scene file.
 
     `names`: callables, separated by spaces, of which the key `kind` chooses one; `about`: what the
-    section describes; `given`: parameters that other sections give; `inner`: sections within it.
+    section describes; `given`: parameters that other sections give; `inner_sections`: sections
+    within it.
     """
 
     form: Literal["table", "list", "named", "text"]
     names: str
     about: str
     given: str = ""
-    inner: Mapping[str, SceneSection] = field(default_factory=dict)
-    alone: bool = False  # whether [x] without a name is allowed, too
+    inner_sections: Mapping[str, SceneSection] = field(default_factory=dict)
+    allows_unnamed: bool = False  # whether [x] without a name is allowed, too
 
     @property
-    def makes(self) -> tuple[str, ...]:
+    def callables(self) -> tuple[str, ...]:
         """Names of the callables among which the key `kind` chooses."""
         return tuple(self.names.split())
 
@@ -278,12 +293,12 @@ class SceneSection:
 def constructors_of(kind: type) -> tuple[str, ...]:
     """Names of the constructors of a class: "Section", "Section.rectangle", …"""
     if issubclass(kind, ContactLaw):
-        return tuple(LAWS.split())
+        return tuple(LAW_NAMES.split())
     if kind is LinearBody:
         return ("AntiOscillators.load",)
     name = kind.__name__
     try:
-        methods = inspect.getmembers(resolved(name), inspect.ismethod)
+        methods = inspect.getmembers(callable_of(name), inspect.ismethod)
     except AttributeError:  # not public
         return ()
     results = {n: inspect.signature(m).return_annotation for n, m in methods if n[0] != "_"}
@@ -291,7 +306,7 @@ def constructors_of(kind: type) -> tuple[str, ...]:
 
 
 #: Form of a section -> its type, what it must be, and its heading.
-FORMS: dict[str, tuple[type, str, str]] = {
+SECTION_FORMS: dict[str, tuple[type, str, str]] = {
     "table": (dict, "a table, ", "[{0}]"),
     "named": (dict, "a table of names, ", "[{0}.NAME]"),
     "list": (list, "a list of tables, ", "[[{0}]]"),
@@ -299,19 +314,20 @@ FORMS: dict[str, tuple[type, str, str]] = {
 }
 
 
-def headed(name: str) -> str:
+def heading_of(name: str) -> str:
     """The heading of a section: "[material]", "[[contacts]]", "[sites.NAME]"."""
     section = SECTIONS[name]
-    return FORMS["table" if section.alone else section.form][2].format(name)
+    return SECTION_FORMS["table" if section.allows_unnamed else section.form][2].format(name)
 
 
 _table, _list, _named = (
     functools.partial(SceneSection, form) for form in ("table", "list", "named")
 )
-_STRUCTURE: dict[str, SceneSection] = {
+_STRUCTURE_SECTIONS: dict[str, SceneSection] = {
     "geometry": _table("read_mesh", "the mesh or CAD file of the structure"),
     "deck": _table("read_model", "a deck with materials and supports", "supports attached"),
-    "material": _named(FAMILIES, 'the material; by name: material = "steel S235"', alone=True),
+    "material": _named(FAMILY_NAMES, 'the material; by name: material = "steel S235"',
+        allows_unnamed=True),
     "supports": _list("Support", "displacements that are fixed"),
     "attached": _list("PointMass Spring Damper", "point masses, springs, dampers"),
     "structure": _table("Structure", "options of the structure",
@@ -319,11 +335,12 @@ _STRUCTURE: dict[str, SceneSection] = {
 }  # fmt: skip
 SECTIONS: dict[str, SceneSection] = {
     "title": SceneSection("text", "", "what the scene shows; for tables and the report"),
-    **_STRUCTURE,
+    **_STRUCTURE_SECTIONS,
     "prestress": _table("Prestress", "loads that the structure carries all the time"),
     "matrices": _table("Structure.from_files", "matrices of another program"),
-    "parts": _named("", "parts of an assembly, each with its own sections", inner=_STRUCTURE),
-    "joints": _list(JOINTS, "how the parts are joined"),
+    "parts": _named("", "parts of an assembly, each with its own sections",
+        inner_sections=_STRUCTURE_SECTIONS),
+    "joints": _list(JOINT_NAMES, "how the parts are joined"),
     "at": _named("Placement", "where each part stands"),
     "points": _table("", "reference points of the assembly: name = [x, y, z]"),
     "assembly": _table("assemble", "options of the assembly",
@@ -335,12 +352,12 @@ SECTIONS: dict[str, SceneSection] = {
     "extract": _table("extract", "the reduction to a model", "structure site"),
     "surface": _table("AntiOscillators.with_surface",
         "what a model without a mesh is made of where it is struck", "self"),
-    "impactor": _table(IMPACTORS, "what strikes the structure"),
-    "contact": _table(LAWS, 'the contact law; without it the one that is needed, "auto"'),
+    "impactor": _table(IMPACTOR_NAMES, "what strikes the structure"),
+    "contact": _table(LAW_NAMES, 'the contact law; without it the one that is needed, "auto"'),
     "simulate": _table("simulate", "the impact of the impactor", "model impactor contact"),
     "strike": _table("strike", "the impact to a tolerance: mesh, model and step are chosen",
         "source site impactor contact material supports prestress"),
-    "bodies": _named(f"{IMPACTORS} RigidBody AntiOscillators.load",
+    "bodies": _named(f"{IMPACTOR_NAMES} RigidBody AntiOscillators.load",
         "bodies of a scene of several contacts"),
     "contacts": _list("Contact", "contacts between the sites of bodies"),
     "loads": _list("Load", "forces in time"),
@@ -363,12 +380,12 @@ SECTIONS: dict[str, SceneSection] = {
     "output": _table("output", "the files that are written"),
 }  # fmt: skip
 #: Sections of which exactly one says what is struck.
-SOURCES = ("geometry", "deck", "matrices", "parts", "model", "frf")
+SOURCE_SECTIONS = ("geometry", "deck", "matrices", "parts", "model", "frf")
 #: Those that have no structure: their model has its own sites.
-WITHOUT_STRUCTURE = ("model", "frf")
+MODEL_SECTIONS = ("model", "frf")
 #: Sections whose values a sweep may vary, and further ones that say what is struck.
 SWEPT_SECTIONS = ("impactor", "contact", "simulate")
-STRUCTURAL = (
+STRUCTURE_SECTIONS = (
     *("geometry", "deck", "matrices", "parts", "model", "frf", "material", "structure"),
     *("at", "points", "assembly", "sites", "extract", "from_frf", "surface"),
 )

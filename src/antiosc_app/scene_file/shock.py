@@ -16,27 +16,28 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering, range_text
 
 #: Samples in a period of the highest frequency of a model, and in one of the highest resolved one.
-HIGHEST, RESOLVED = 5, 20
+SAMPLES_PER_HIGHEST, SAMPLES_PER_RESOLVED = 5, 20
 #: Least number of samples of a run, and most times the anti-oscillators.
-LEAST, MOST = 1001, 4_000_000
+MIN_SAMPLES, MAX_SAMPLES_TIMES_COUNT = 1001, 4_000_000
 
 
-class Shock(NamedTuple):
+class ProbeShock(NamedTuple):
     """Shock response spectra [m/s²] by component, from a velocity.
 
-    `asked`: frequencies [Hz] at which values are reported; `filter`: that of the probe.
+    `reported_frequencies`: frequencies [Hz] at which values are reported; `filter`: that of the
+    probe.
     """
 
     spectra: Mapping[str, ShockSpectrum]
-    asked: tuple[float, ...] = ()
+    reported_frequencies: tuple[float, ...] = ()
     filter: str | None = None
 
     @property
     def component(self) -> str:
         """The component with the largest value among the frequencies that the filter passes."""
-        return max(self.spectra, key=lambda name: float(self._passed(name).max()))
+        return max(self.spectra, key=lambda name: float(self._passed_spectrum(name).max()))
 
-    def _passed(self, name: str) -> Array:
+    def _passed_spectrum(self, name: str) -> Array:
         """Spectrum of the component `name`, 0 at frequencies that the filter does not pass.
 
         It is unchanged if the filter passes none of its frequencies.
@@ -49,14 +50,17 @@ class Shock(NamedTuple):
     def numbers(self) -> dict[str, Any]:
         """The largest value with its component and frequency, and `at` the asked frequencies."""
         name = self.component
-        k = int(np.argmax(self._passed(name)))
+        k = int(np.argmax(self._passed_spectrum(name)))
         spectrum = self.spectra[name]
         found: dict[str, Any] = {"component": name, "value": float(spectrum.maximax[k])}
         found |= {"unit": "m/s²", "frequency": float(spectrum.frequency[k]), "Q": spectrum.Q}
-        found |= {"filter": self.filter, "at": [self._at(one) for one in self.asked]}
+        found |= {
+            "filter": self.filter,
+            "at": [self._value_at(one) for one in self.reported_frequencies],
+        }
         return found
 
-    def _at(self, frequency: float) -> dict[str, Any]:
+    def _value_at(self, frequency: float) -> dict[str, Any]:
         """Largest component at a frequency [Hz], and its value, None outside of the spectrum."""
         known = self.spectra[self.component].frequency
         if not known[0] <= frequency <= known[-1]:
@@ -88,7 +92,7 @@ class Shock(NamedTuple):
 
 def shock_of(
     structure: Structure, history: History, asked: tuple[float, ...], **place: Any
-) -> Shock:
+) -> ProbeShock:
     """Shock response spectra of the velocity at a point.
 
     `asked`: frequencies [Hz] to be reported; `place`: further arguments of `antiosc.probe`.
@@ -100,12 +104,14 @@ def shock_of(
         resolved = resolved_frequency(model)
 
     end = float(history.time[-1])
-    rate = max(HIGHEST * highest, RESOLVED * min(resolved, highest))
-    count = max(int(min(rate * end + 2, MOST / max(model.omega.size, 1))), LEAST)
+    rate = max(SAMPLES_PER_HIGHEST * highest, SAMPLES_PER_RESOLVED * min(resolved, highest))
+    count = max(
+        int(min(rate * end + 2, MAX_SAMPLES_TIMES_COUNT / max(model.omega.size, 1))), MIN_SAMPLES
+    )
     times = place.pop("times", np.linspace(0.0, end, count))
     velocity = antiosc.probe(structure, history, quantity="velocity", times=times, **place)
     spectra = {
         component: antiosc.srs(times, signal, signal="velocity", resolved=resolved)
         for component, signal in zip("xyz", velocity.T, strict=False)
     }
-    return Shock(spectra, asked, place.get("filter"))
+    return ProbeShock(spectra, asked, place.get("filter"))

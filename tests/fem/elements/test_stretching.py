@@ -470,4 +470,4 @@ def test_a_blow_far_beyond_second_order_strain_is_refused_at_once(solid, monkeyp
     assert budget["peak_force"].total is None
     assert budget.unknown["mesh"].startswith("The part deflects by ")
     assert by_strengths(part, hit) == {}
-    assert " deflects by " in headline.caution_of(hit, budget)
+    assert " deflects by " in headline.caution_of_impact(hit, budget)

@@ -65,7 +65,7 @@ def results():
 
 @pytest.fixture(scope="module")
 def called_directly():
-    assert "called directly" in info.report()
+    assert "called directly" in info.info_text()
     return results()
 
 
@@ -81,7 +81,7 @@ def test_instead_of_a_library_that_factors_wrongly_mumps_factors(
     assert kind is solver_choice.MumpsFactor
     np.testing.assert_allclose(through, direct, rtol=1e-7)
     assert "factors wrongly" in cholmod.refusal()
-    assert "factors wrongly" in info.report()
+    assert "factors wrongly" in info.info_text()
 
 
 def grid(n: int, block: int = 1) -> scipy.sparse.csr_matrix:

@@ -7,7 +7,7 @@ import pytest
 
 from antiosc.io.conversion import Block, Deck
 from antiosc.io.neutral import CORNERS, DIMENSION, EDGES, FACES, quadrilateral_faces
-from antiosc_decks.cells import mesh_of_deck
+from antiosc_decks.cells import file_mesh_of
 
 TRIANGLE = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
 SQUARE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
@@ -61,7 +61,7 @@ def test_new_nodes_lie_where_the_element_places_them(shapes):
     count = len(deck.points)
     equations = [[[n, 0, 1.0]] for n in range(count)]
     deck.model = {"joined": True, "joints": {"equations": equations}, "halve": False}
-    mesh = mesh_of_deck(deck)
+    mesh = file_mesh_of(deck)
     np.testing.assert_array_equal(mesh.points[:count], deck.points)
     among = {node: dict(others) for node, others in deck.model["joints"]["among"]}
     assert sorted(among) == list(range(count, len(mesh.points)))
@@ -110,7 +110,7 @@ def test_entities_are_fixed_with_all_their_nodes(shapes, order):
             more = block.mids[0, ends].tolist() if order == 2 else []
             sets[f"{block.shape} {face}"] = np.array(sorted([*own, *more]))
     deck.fixed = sets
-    mesh = mesh_of_deck(deck)
+    mesh = file_mesh_of(deck)
     (cells,) = mesh.cells.values()
     dim = DIMENSION[shapes[0]]
     split = len(shapes) > 1 or shapes[0] in ("wedge", "pyramid")
@@ -159,7 +159,7 @@ def test_cells_of_several_dimensions_have_their_groups():
     deck.element_sets = {"a": np.array([0, 1]), "b": np.array([2]), "none": np.zeros(0, dtype=int)}
     deck.skipped = {"MASS": 2, "SPRINGA": 1}
     deck.remarks = ["before"]
-    mesh = mesh_of_deck(deck)
+    mesh = file_mesh_of(deck)
     assert {label: len(cells) for label, cells in mesh.cells.items()} == {
         "tetra": 3, "triangle": 2, "line": 1,
     }  # fmt: skip
