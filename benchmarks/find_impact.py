@@ -23,8 +23,8 @@ import numpy as np
 import antiosc as ao
 from antiosc.base._types import Array
 from antiosc.strikes.free_sites import BAND_FACTOR
-from antiosc_studies.find import Monitored, found_in, prepared
-from antiosc_studies.find.recording import recording
+from antiosc_studies.find import MonitoredStructure, impact_of_recording, monitored_structure
+from antiosc_studies.find.recording import recording_of
 
 E, NU, RHO, THICKNESS = 210e9, 0.3, 7850.0, 4e-3
 SIDES = np.array([0.4, 0.3])
@@ -105,17 +105,17 @@ def blow(kind: str, truth: ao.Structure, seed: int) -> dict[str, Any]:
 
 
 def case(
-    kind: str, model: Monitored, true: dict[str, Any], noise: float, seed: int
+    kind: str, model: MonitoredStructure, true: dict[str, Any], noise: float, seed: int
 ) -> dict[str, Any]:
     """The errors of one found blow, and its bars."""
     signals, random = true["signals"], np.random.default_rng([seed, round(1000 * noise)])
     size = noise * np.sqrt(np.mean(signals**2, axis=0))
     signals = signals + size * random.standard_normal(signals.shape)
     started = time.process_time()
-    most = float(model.seen.omega[-1]) / BAND_FACTOR
-    data = recording(signals, sensors_on(kind), RATE, None, None, most)
+    most = float(model.free_sites.omega[-1]) / BAND_FACTOR
+    data = recording_of(signals, sensors_on(kind), RATE, None, None, most)
     names = ("place", "mass", "velocity", "stiffness")
-    found = found_in(model, data, names, None, None, None, (0.01, 0.03))
+    found = impact_of_recording(model, data, names, None, None, None, (0.01, 0.03))
     seconds, hit = time.process_time() - started, true["hit"]
     return {
         "kind": kind, "noise": noise, "seed": seed, "seconds": seconds,
@@ -134,11 +134,11 @@ def many(cells: tuple[int, int]) -> str:
     """The CPU seconds of a search among the sites of so many cells."""
     started = time.process_time()
     structure = part("plate", cells, 1.0, 1.0)
-    model = prepared(structure, sensors_on("plate"), None, (0, 0, -1), None, None, None)
+    model = monitored_structure(structure, sensors_on("plate"), None, (0, 0, -1), None, None, None)
     mapped, truth = time.process_time() - started, part("plate", (31, 23), 1.01, 1.05)
     found = [case("plate", model, blow("plate", truth, seed), 0.04, seed) for seed in range(2)]
     return MANY.format(
-        sites=len(model.seen.map_sites.sites.points),
+        sites=len(model.free_sites.map_sites.sites.points),
         search=min(c["seconds"] for c in found),
         map=mapped,
     )
@@ -182,7 +182,7 @@ def main(
     cases = [json.loads(line) for line in known]
     for kind in KINDS if blows else ():
         structure, truth = part(kind, (24, 18), 1.0, 1.0), part(kind, (31, 23), 1.01, 1.05)
-        model = prepared(structure, sensors_on(kind), None, (0, 0, -1), None, None, None)
+        model = monitored_structure(structure, sensors_on(kind), None, (0, 0, -1), None, None, None)
         for seed in range(first, first + blows):
             true = blow(kind, truth, seed)
             for noise in (0.03, 0.05):

@@ -185,7 +185,7 @@ def at_end(strength: str) -> None:
     """Give the materials of the table the yield strength at one end of their range."""
     from antiosc.base import materials
 
-    read = materials._read
+    read = materials._record_of_row
 
     def other(*row: Any) -> materials.MaterialRecord:
         found = read(*row)
@@ -193,7 +193,7 @@ def at_end(strength: str) -> None:
         return replace(found, yield_strength=low if strength == "least" else high)
 
     if strength != "usual":
-        materials._read = other
+        materials._record_of_row = other
 
 
 def patched(size: float, modes: int) -> list[Headline]:

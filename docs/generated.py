@@ -87,7 +87,7 @@ def public_names() -> dict[str, str]:
     """Public name -> module, in the order of the stub of the package."""
     from antiosc.base import lazily
 
-    return lazily.listed(str(ROOT / "src/antiosc/__init__.py"))
+    return lazily.names_in_stub(str(ROOT / "src/antiosc/__init__.py"))
 
 
 def api(modules: list[str]) -> list[str]:

@@ -28,7 +28,7 @@ def module(path: Path) -> str:
 
 FILES = {module(path): path for path in SRC.rglob("*.py")}
 #: Module that gives names of other modules -> name -> module that defines it.
-DOORS = {name: lazily.listed(str(FILES[name])) for name in ("antiosc", "antiosc.extension")}
+DOORS = {name: lazily.names_in_stub(str(FILES[name])) for name in ("antiosc", "antiosc.extension")}
 
 
 @functools.cache

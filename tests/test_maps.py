@@ -19,7 +19,7 @@ import meshio
 
 import antiosc as ao
 import parts
-from antiosc.base.stresses import DEVIATOR, equivalent
+from antiosc.base.stresses import VON_MISES_ROOT, von_mises_of_components
 from antiosc.models.body import NO_RESULT
 from antiosc.models.free_modes import stiffness_error
 from antiosc.reduce.site import functional
@@ -318,8 +318,8 @@ def test_the_largest_stress_is_that_of_all_tensors_at_all_times():
     columns = random.standard_normal((400, 6, 9)) * scales
     x = np.cumsum(random.standard_normal((3000, 9)), axis=0) / scales
     weights = random.uniform(0, 1, 400)
-    stress = equivalent(np.moveaxis(columns @ x.T, 1, -1)).max(axis=1) * weights
-    parts = (DEVIATOR @ columns).astype(np.float32)
+    stress = von_mises_of_components(np.moveaxis(columns @ x.T, 1, -1)).max(axis=1) * weights
+    parts = (VON_MISES_ROOT @ columns).astype(np.float32)
     most, at = map_stresses._largest_stress(parts, x, weights)
     assert at == stress.argmax()
     assert most == pytest.approx(stress.max(), rel=1e-4)

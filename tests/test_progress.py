@@ -27,7 +27,7 @@ def terminal(monkeypatch) -> Terminal:
 
 
 def lines(stream: Terminal) -> list[str]:
-    return stream.getvalue().split(progress.CLEAR)[1:]
+    return stream.getvalue().split(progress.CLEAR_LINE)[1:]
 
 
 def test_the_innermost_work_is_shown_behind_the_count_around_it_and_goes_away(terminal):

@@ -7,21 +7,23 @@ import pytest
 from antiosc.base import process
 
 threadpoolctl = pytest.importorskip("threadpoolctl")
-if all(pool.get("threading_layer") == "disabled" for pool in process.pools() or ()):
+if all(pool.get("threading_layer") == "disabled" for pool in process.blas_pools() or ()):
     pytest.skip("this BLAS has no threads", allow_module_level=True)
 
 
 def now() -> set[int]:
     """Threads of the BLAS libraries at the moment."""
-    return {p["num_threads"] for p in process.pools() if p.get("threading_layer") != "disabled"}
+    return {
+        p["num_threads"] for p in process.blas_pools() if p.get("threading_layer") != "disabled"
+    }
 
 
 @pytest.fixture
 def two_threads(monkeypatch):
     """BLAS has two threads and the environment names no number; there are three cores."""
-    for name in process.VARIABLES:
+    for name in process.THREAD_VARIABLES:
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(process, "cores", lambda: 3)
+    monkeypatch.setattr(process, "core_count", lambda: 3)
     with threadpoolctl.threadpool_limits(2, user_api="blas"):
         yield
 
@@ -30,7 +32,7 @@ def test_a_container_s_quota_counts(monkeypatch):
     monkeypatch.setattr(process.os, "sched_getaffinity", lambda _: set(range(8)))
     for text, count in (("max 100000", 8), ("250000 100000", 2), ("50000 100000", 1), ("", 8)):
         monkeypatch.setattr(process, "_lines", lambda _, text=text: text.splitlines())
-        assert process.cores() == count
+        assert process.core_count() == count
 
 
 def test_one_thread_inside_and_as_before_afterwards(two_threads):

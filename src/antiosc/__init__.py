@@ -13,7 +13,7 @@ from antiosc.base import lazily
 
 __version__ = "0.1.0"
 
-_MODULES = lazily.listed(__file__)
+_MODULES = lazily.names_in_stub(__file__)
 #: Modules that need the finite-element packages, or whose functions do.
 _MESHED = (
     "antiosc.fem",
@@ -27,7 +27,7 @@ _MESHED = (
 #: Modules with names that `dir` leaves out here, but for these common ones.
 _NAMESPACES = ("errors", "joints", "laws", "results")
 _COMMON = {"Bolt", "ElasticPlastic", "Hertz", "Linear", "Tie"}
-_GROUPED = set().union(*(lazily.listed(f"{__path__[0]}/{name}.py") for name in _NAMESPACES))
+_GROUPED = set().union(*(lazily.names_in_stub(f"{__path__[0]}/{name}.py") for name in _NAMESPACES))
 __all__ = sorted({*_MODULES} - (_GROUPED - _COMMON))
 
 

@@ -321,7 +321,7 @@ def run_call(wire: Connection, root: Path, memory: int, tool: str, arguments: Ta
     os.setsid()
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     threading.Thread(target=kill_when_closed, args=(wire,), daemon=True).start()
-    with progress.following(wire.send):
+    with progress.following_progress(wire.send):
         told = answer(root, tool, arguments)
     wire.send(told)
 

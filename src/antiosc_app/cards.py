@@ -9,12 +9,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from antiosc import Fall, History
-from antiosc.base.errors import NOTE, by_weight, weight
+from antiosc.base.errors import NOTE_WEIGHT, message_weight, sorted_by_weight
 from antiosc.base.texts import (
     capitalised,
     engineering,
     percent,
-    plain,
+    plain_number,
     point_text,
     restitution_text,
 )
@@ -89,7 +89,7 @@ def cards_of_fall(fall: Fall, worst: WorstField | None) -> list[Card]:
     return [
         verdict_card(margins, dent, has_bar=error is not None),
         Card(FORCE_QUESTION, f"{force}{bar}, impact {hardest + 1} of {len(fall.impacts)}"),
-        Card("largest shock", f"{plain(shock, 3)} g of the centre of mass"),
+        Card("largest shock", f"{plain_number(shock, 3)} g of the centre of mass"),
         Card(STRESS_QUESTION, stress_text(margins, has_bar=error is not None)),
     ]
 
@@ -209,7 +209,11 @@ def bar_of_fall(fall: Fall, worst: WorstField) -> float | None:
 
 def listed_cautions(first_caution: str, warnings: Iterable[str]) -> list[str]:
     """`first_caution`, and those `warnings` that question the numbers, by weight, each once."""
-    told = [capitalised(str(one)) for one in by_weight(list(warnings)) if weight(one) < NOTE]
+    told = [
+        capitalised(str(one))
+        for one in sorted_by_weight(list(warnings))
+        if message_weight(one) < NOTE_WEIGHT
+    ]
     return [one for one in dict.fromkeys([first_caution, *told]) if one]
 
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import antiosc
 from antiosc.base import checks
-from antiosc.base.errors import AntioscError, InputError, labelled, weight
+from antiosc.base.errors import AntioscError, InputError, labelled, message_weight
 from antiosc.base.progress import print_text
-from antiosc.base.texts import STOPPED, plain
+from antiosc.base.texts import STOPPED, plain_number
 from antiosc.extension import probed_point
 from antiosc_app import new, report, results
 from antiosc_app.kept import PartCache
@@ -143,8 +143,8 @@ def _run_tradeoff(options: Namespace) -> int:
         report.write_page(shown, results.presentations(shown), page)
         print_text(f"wrote {page}")
     methods = sum(member.seconds for member in (*tradeoff.table, *tradeoff.others))
-    whole = plain(time.perf_counter() - start, 3)
-    print_text(f"In all {whole} s, of which the methods took {plain(methods, 3)} s.")
+    whole = plain_number(time.perf_counter() - start, 3)
+    print_text(f"In all {whole} s, of which the methods took {plain_number(methods, 3)} s.")
     return 0
 
 
@@ -261,7 +261,7 @@ def _run_study(options: Namespace) -> int:
     written = [] if folder is None else report.write_output(computed, parts, folder)
     if page is not None:
         written += report.write_page(computed, parts, page)
-    for sentence in filter(weight, computed.warnings[told:]):
+    for sentence in filter(message_weight, computed.warnings[told:]):
         print_text(labelled(sentence), sys.stderr)
     if written:
         print_text("wrote " + ", ".join(str(path) for path in written))

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from antiosc import Fall
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError
-from antiosc.base.texts import capitalised, engineering, percent, plain, point_text
+from antiosc.base.texts import capitalised, engineering, percent, plain_number, point_text
 from antiosc_app.cards import bar_of_fall
 from antiosc_app.headline import WIDE_BAR, stress_sentences
 from antiosc_app.live import Data
@@ -92,7 +92,7 @@ def _impact_data(fall: Fall, k: int, times: Array) -> Data:
         "shown": [
             f"{engineering(impact.peak_force, 'N')}{bar}",
             engineering(impact.contact_time, "s"),
-            f"{plain(fall.shocks[k].g, 3)} g",
+            f"{plain_number(fall.shocks[k].g, 3)} g",
         ],
         "time": impact.time,
         "at": point_text(impact.place),

@@ -132,7 +132,7 @@ def info_text() -> str:
         remarks.append("Missing: C compiler, for meshes. Remedy: install gcc, or set CC to another")
     rows.append(("solvers", ", ".join(petsc_solvers()) or "none of CHOLMOD, MUMPS"))
     rows += [("CHOLMOD", _cholmod_text()), ("BLAS", blas_text())]
-    rows.append(("threads", f"{process.cores()} cores"))
+    rows.append(("threads", f"{process.core_count()} cores"))
 
     absent = [package for package, found in packages_found().items() if not found]
     if absent:
@@ -204,7 +204,7 @@ def _cholmod_text() -> str:
 def blas_text() -> str:
     """Kind and path of NumPy's BLAS; "unknown" if threadpoolctl does not find it."""
     importlib.import_module("numpy.linalg")
-    pools = process.pools() or ()
+    pools = process.blas_pools() or ()
     return next((f"{pool['internal_api']}  {pool['filepath']}" for pool in pools), "unknown")
 
 

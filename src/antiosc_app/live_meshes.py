@@ -16,7 +16,7 @@ from scipy.linalg import block_diag
 from antiosc import History, ImpactMap, Structure
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError
-from antiosc.base.stresses import equivalent
+from antiosc.base.stresses import von_mises_of_components
 from antiosc.engine.contact.base import is_compiled
 from antiosc.extension import (
     MAP_QUANTITIES,
@@ -261,7 +261,7 @@ def principal_fields(
 
 def _von_mises(stress: Array) -> Array:
     """Von Mises stress (P, columns) of stresses (P, 6, columns)."""
-    return equivalent(np.moveaxis(stress, 1, -1))
+    return von_mises_of_components(np.moveaxis(stress, 1, -1))
 
 
 #: Largest number of sites on a page.

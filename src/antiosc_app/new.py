@@ -162,13 +162,13 @@ def _write_picture(path: Path, look: Inspection, drop: bool) -> str:
 def draw_part(look: Inspection, path: Path, *, drop: bool = False) -> None:
     """Draw the outer faces of a part; without `drop` also its supports and its impact."""
     from antiosc.plot.charts import save_figure
-    from antiosc.plot.surfaces import Deformed, deformed_figure
+    from antiosc.plot.surfaces import DeformedSurface, deformed_figure
 
     points, faces = look.points, look.faces
     if drop:
         height = 1e3 * (points[:, 2] - points[:, 2].min())
         label = "height over its lowest point (mm)"
-        part = Deformed(points, points, faces, height, label, float(height.max()))
+        part = DeformedSurface(points, points, faces, height, label, float(height.max()))
         figure = deformed_figure(part, whole_scale=True)
     else:  # each face has points of its own, so that it is held (yellow) or not (nan, grey)
         count = faces.shape[1]
@@ -176,7 +176,7 @@ def draw_part(look: Inspection, path: Path, *, drop: bool = False) -> None:
         points = points[faces.ravel()]
         faces = np.arange(len(points)).reshape(-1, count)
         arrow = np.array(look.point), np.array(look.direction)
-        part = Deformed(points, points, faces, np.where(fixed, 1.0, np.nan), "", 1.0)
+        part = DeformedSurface(points, points, faces, np.where(fixed, 1.0, np.nan), "", 1.0)
         figure = deformed_figure(part, arrow=arrow, view=_view_angles(arrow[1]), whole_scale=True)
         held_text = "yellow: held; " if fixed.any() else ""
         figure.text(0.02, 0.02, f"{held_text}red: where and how it is struck")

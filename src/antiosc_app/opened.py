@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from antiosc.base import checks
-from antiosc.base.errors import InputError, by_weight
+from antiosc.base.errors import InputError, sorted_by_weight
 from antiosc.base.texts import capitalised, engineering
 from antiosc.models.body import info_of
 from antiosc_app import cards, falls, live, live_data, report, results
@@ -263,7 +263,7 @@ class OpenPart:
         wanted = makes if with_stresses else makes[: makes.index("history") + 1]
         made = run.make_results(state.scene, wanted, state.evaluation)
         before = [] if known is None else known.results.warnings
-        made.warnings = by_weight([*before, *made.warnings])
+        made.warnings = sorted_by_weight([*before, *made.warnings])
         answer = SceneAnswer(text, state, made, with_stresses)
         if not more_sections:
             self._answer = answer

@@ -15,7 +15,7 @@ import numpy as np
 from antiosc.base import progress
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError
-from antiosc.base.texts import prefixed
+from antiosc.base.texts import unit_prefix
 from antiosc.plot.charts import legend_beside, new_figure, save_figure
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def _prefixed_column(name: str, values: list[object]) -> tuple[str, list[object]
         return name, values
     numbers = np.array(values, dtype=float)
     largest = max(np.abs(numbers[np.isfinite(numbers)]), default=0.0)
-    factor, prefixed_unit = prefixed(largest, unit.rstrip(")"))
+    factor, prefixed_unit = unit_prefix(largest, unit.rstrip(")"))
     return f"{title} ({prefixed_unit})", list(factor * numbers)
 
 

@@ -13,7 +13,7 @@ from antiosc import SceneHistory
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, without_warnings
 from antiosc.base.plausible import GRAVITY
-from antiosc.base.texts import engineering, plain, point_text, prefixed
+from antiosc.base.texts import engineering, plain_number, point_text, unit_prefix
 from antiosc.extension import ProbeError
 from antiosc_app.presentation import MAX_CURVES, Columns, Rows, draw_curves, spaced_name
 from antiosc_app.scene_file.build import Call, Evaluation
@@ -145,7 +145,7 @@ class ProbeResult:
         peak = self.peak()
         name = ", ".join(filter(None, (f"{self.name}: {spaced_name(self.quantity)}", self.filter)))
         bar = "" if self.error is None else f" {self.error}"
-        g = f" ({plain(peak['g'], 3)} g)" if "g" in peak else ""
+        g = f" ({plain_number(peak['g'], 3)} g)" if "g" in peak else ""
         told = f"{engineering(peak['value'], peak['unit'])}{bar}{g}"
         if self.unfiltered is not None:  # the filter may hide a blow
             told += f", {engineering(self.unfiltered, peak['unit'])} unfiltered"
@@ -190,7 +190,7 @@ def draw_signals(probes: Sequence[ProbeResult], ax: Axes) -> None:
     kinds = {(probe.quantity, signal[3]) for probe, signal in zip(probes, signals, strict=False)}
     if len(kinds) == 1:
         ((quantity, unit),) = kinds
-        factor, scaled = prefixed(max(largest), unit)
+        factor, scaled = unit_prefix(max(largest), unit)
         series = [(name, time, factor * values) for name, time, values, _ in signals]
         draw_curves(
             series, f"{spaced_name(quantity)} ({scaled})" if scaled else spaced_name(quantity), ax

@@ -26,12 +26,12 @@ import antiosc
 from antiosc import Fall, History, ImpactMap, SceneHistory
 from antiosc.base import checks, files
 from antiosc.base.errors import (
-    NOTE,
+    NOTE_WEIGHT,
     AntioscError,
     InputError,
     MissingDependencyError,
-    by_weight,
-    weight,
+    message_weight,
+    sorted_by_weight,
 )
 from antiosc.base.packages import loading
 from antiosc.base.texts import capitalised
@@ -273,7 +273,9 @@ def report_html(results: SceneResults, parts: Sequence[Presentation]) -> str:
     told = listed_cautions(
         " ".join(part.caution for part in parts if part.caution), results.warnings
     )
-    notes = [one for one in by_weight(results.warnings) if weight(one) == NOTE]
+    notes = [
+        one for one in sorted_by_weight(results.warnings) if message_weight(one) == NOTE_WEIGHT
+    ]
     program = f"antiosc {info.antiosc_version()}"
     date = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
     names = [program, f"Python {platform.python_version()}, NumPy {np.__version__}", date]

@@ -12,8 +12,8 @@ import numpy as np
 from antiosc import AntiOscillators, History, SceneHistory
 from antiosc.base._types import Array
 from antiosc.base.cfc import SHOCK_FILTER
-from antiosc.base.errors import InputError, by_weight, weight
-from antiosc.base.texts import engineering, percent, plain, point_text, range_text
+from antiosc.base.errors import InputError, message_weight, sorted_by_weight
+from antiosc.base.texts import engineering, percent, plain_number, point_text, range_text
 from antiosc.extension import (
     MAP_QUANTITIES,
     QUANTITIES,
@@ -337,9 +337,9 @@ def _accelerometer_rows(results: SceneResults) -> Rows:
     for name, peak in (results.peaks or {}).items():
         call = results.compiled.peaks[name]
         through = call.arguments.get("filter", "unfiltered")
-        told = f"at most {plain(peak.g, 4)} g ({through}), in impact {peak.impact + 1}"
+        told = f"at most {plain_number(peak.g, 4)} g ({through}), in impact {peak.impact + 1}"
         if "filter" in call.arguments:
-            told += f", {plain(without_filter(results, call).g, 4)} g unfiltered"
+            told += f", {plain_number(without_filter(results, call).g, 4)} g unfiltered"
         rows.append((f"accelerometer {name}", told))
     return rows
 
@@ -583,7 +583,9 @@ def short_text(results: SceneResults, parts: Sequence[Presentation]) -> str:
 
 def long_text(results: SceneResults, parts: Sequence[Presentation]) -> str:
     """The long text for the terminal: title, warnings that question numbers, results, model."""
-    warnings = (f"warning: {one}" for one in by_weight(results.warnings) if not weight(one))
+    warnings = (
+        f"warning: {one}" for one in sorted_by_weight(results.warnings) if not message_weight(one)
+    )
     in_order = sorted(
         parts, key=lambda part: MODEL_HEADING in part.sections
     )  # the answers stand first

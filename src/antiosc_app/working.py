@@ -63,7 +63,7 @@ class PageWorker:
                 return STALE_ANSWER
             self._began = time.monotonic()
             try:
-                with progress.following(stop_if_asked):
+                with progress.following_progress(stop_if_asked):
                     return work()
             except WorkOvertaken:
                 return STALE_ANSWER

@@ -9,7 +9,7 @@ import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.base.plausible import DENSITIES, MASSLESS_WAVE
+from antiosc.base.plausible import DENSITY_RANGE, MASSLESS_WAVE
 from antiosc.io.conversion import Array, Deck, IntArray
 from antiosc.io.neutral import Json, MotionTerm, UnitSystem
 from antiosc_decks.constraints import DeckConstraints, piece_mask, separate_copies
@@ -130,7 +130,7 @@ class ModelBuilder:
         if material.density:
             density = material.density * self.units.density
             material.needs(
-                density <= DENSITIES[1] or self.defaults.massless,
+                density <= DENSITY_RANGE[1] or self.defaults.massless,
                 f"the density {material.density:g} of {label} is {density:.3g} kg/m³, "
                 f"more than any solid has: give the unit of the deck (unit), "
                 f"or mend it (a mass per volume).",

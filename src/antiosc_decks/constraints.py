@@ -17,7 +17,7 @@ import numpy as np
 
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.base.texts import piece_is_read
+from antiosc.base.texts import piece_text
 from antiosc.io.conversion import Block, Deck, IntArray, counts_text
 from antiosc.io.neutral import Joints, MotionTerm, Piece, UnitSystem, connected_pieces
 from antiosc_decks.entries import DeckPlace
@@ -343,7 +343,7 @@ def piece_mask(deck: Deck, chosen: BoolArray, length: float) -> BoolArray:
         of_piece = (chosen & (label == piece) for piece in pieces[:MAX_LISTED_PIECES])
         deck.pieces = [_piece_record(deck, chosen, members) for members in of_piece]
         text = described_pieces([piece.scaled(length) for piece in deck.pieces], MAX_NAMED_PIECES)
-        deck.remarks.append(piece_is_read(deck.name, rank, len(pieces), text))
+        deck.remarks.append(piece_text(deck.name, rank, len(pieces), text))
     return np.asarray(chosen & (label == pieces[rank - 1]))
 
 

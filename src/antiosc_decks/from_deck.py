@@ -31,7 +31,7 @@ from antiosc import (
 from antiosc.base import checks
 from antiosc.base._types import IntArray, SolverChoice
 from antiosc.base.errors import InputError, NotTakenWarning
-from antiosc.base.materials import yielding
+from antiosc.base.materials import yielding_record
 from antiosc.base.texts import engineering
 from antiosc.extension import (
     Attachment,
@@ -458,7 +458,7 @@ class Strength(NamedTuple):
         """The strength by the arguments `yield_strength` and `yield_range` of `read_model`."""
         rate = None
         if isinstance(value, str):
-            named = yielding(value)
+            named = yielding_record(value)
             value, ends, rate = named.yield_strength, ends or named.yield_range, named.rate
         if value is not None:
             value = checks.positive("yield_strength", value, "Pa")

@@ -65,11 +65,11 @@ def contact_between(
         raise InputError(f"the part has a sharp {surface.kind} at {point}: give a radius.")
 
     if not isinstance(other, Floor):
-        return choose_law(surface, _other(other, at)).law
+        return choose_law(surface, _surface_of_other(other, at)).law
     return law_of(other, surface)
 
 
-def _other(other: Any, at: object) -> Surface:
+def _surface_of_other(other: Any, at: object) -> Surface:
     """The surface of the other body."""
     if other is None:
         return Surface(RIGID_MATTER)
@@ -85,7 +85,7 @@ def _surface_of(body: Structure | Body, at: object) -> Surface:
     if isinstance(body, Structure):
         from antiosc.reduce.site.surface import surface_at  # needs the finite elements
 
-        return surface_at(body, *_place(body, at))
+        return surface_at(body, *_site_on_part(body, at))
     kinds = "a Structure, a Sphere, a RigidMass with a tip, or a model"
     surface = checks.instance("part", body, Body, kinds).surface()
     if surface is None:
@@ -97,7 +97,7 @@ def _surface_of(body: Structure | Body, at: object) -> Surface:
     return surface
 
 
-def _place(part: Structure, at: object) -> tuple[Array, Array | None, float | None]:
+def _site_on_part(part: Structure, at: object) -> tuple[Array, Array | None, float | None]:
     """Point, direction and patch radius of `at` on a structure."""
     if isinstance(at, Site):
         load = functional(part, at)

@@ -489,7 +489,7 @@ def test_bad_input(change: dict[str, object], word: str) -> None:
 )
 def test_a_fall_tells_how_far_it_is(until, done) -> None:
     told: list[str] = []
-    with progress.following(told.append):
+    with progress.following_progress(told.append):
         fall = ao.drop(HARD, 0.05, floor=ao.Floor(ao.material(SOFT)), until=until)
     steps = [text for text in told if text.startswith("the fall: ")]
     impacts = [

@@ -15,7 +15,7 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc.models.body import ModalModel
 from antiosc.models.free_modes import residual_parameters
-from antiosc_studies.find import prepared
+from antiosc_studies.find import monitored_structure
 
 pytestmark = pytest.mark.fem
 
@@ -47,8 +47,8 @@ def own_signals(
     part: ao.Structure, sensors, site: int, law: ao.ContactLaw = LAW
 ) -> tuple[np.ndarray, ao.History, np.ndarray]:
     """Signals of the model of find_impact itself at a vertex, the impact and its place."""
-    known = prepared(part, sensors, None, DOWN, None, MODES, None)
-    seen, sites = known.seen, known.seen.map_sites.sites
+    known = monitored_structure(part, sensors, None, DOWN, None, MODES, None)
+    seen, sites = known.free_sites, known.free_sites.map_sites.sites
     r, _ = residual_parameters(seen.omega, seen.b, seen.compliance, seen.inertia)
     modes = ao.ModalBody(seen.omega, seen.b[site], float(r[site]))
     body = ModalModel(modes, float(sites.local[site]), float(sites.radii[site]))
@@ -59,12 +59,14 @@ def own_signals(
     a = hit.force_at(t[on])[:, None] * seen.b[site] - seen.omega**2 * q
     signals = np.zeros((SAMPLES, len(sensors)))
     for s, sensor in enumerate(sensors):
-        signals[on, s] = (q, v, a)[sensor.derivative] @ known.rows[s]
+        signals[on, s] = (q, v, a)[sensor.derivative] @ known.sensor_shapes[s]
     return signals, hit, sites.points[site]
 
 
 def nearest(part: ao.Structure, point) -> int:
-    sites = prepared(part, SENSORS[:1], None, DOWN, None, 5, None).seen.map_sites.sites
+    sites = monitored_structure(
+        part, SENSORS[:1], None, DOWN, None, 5, None
+    ).free_sites.map_sites.sites
     return int(np.argmin(np.linalg.norm(sites.points - point, axis=1)))
 
 

@@ -10,7 +10,7 @@ import pytest
 import antiosc as ao
 from antiosc.models.body import ModelInfo
 from antiosc_studies.measured import anti_oscillators
-from antiosc_studies.measured.frf import FittedModes, Tail
+from antiosc_studies.measured.frf import FittedModes, TailModes
 
 F = np.linspace(8.0, 4000.0, 500)
 W = 2 * np.pi * F
@@ -175,7 +175,7 @@ def test_fitted_bodies_become_passive_models():
             omega,
             10 ** random.uniform(-2.5, -1, J),
             random.standard_normal((J, p)),
-            Tail(np.zeros(0), np.zeros(0), np.zeros((0, p)), np.zeros(0)),
+            TailModes(np.zeros(0), np.zeros(0), np.zeros((0, p)), np.zeros(0)),
             np.tril(random.uniform(0.5, 1.0, (p, p))) * 1e-5,
             np.tril(random.uniform(0.5, 1.0, (p, p))) if k % 3 == 0 else None,
         )

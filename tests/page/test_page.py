@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base.texts import engineering, plain
+from antiosc.base.texts import engineering, plain_number
 from antiosc_app import live as assets
 from antiosc_app.cards import cards_of_history
 from webdriver import MISSING, Browser
@@ -333,7 +333,7 @@ def test_a_fall_is_shown_on_its_path_and_each_impact_can_be_chosen(browser, fall
     )
     for cells, peak, shock in zip(told, peaks, fall.shocks, strict=True):
         assert cells[0].startswith(engineering(peak, "N"))
-        assert cells[2] == f"{plain(shock.g, 3)} g"
+        assert cells[2] == f"{plain_number(shock.g, 3)} g"
     for k, one in enumerate(fall.impacts):
         low = browser.run(
             """document.querySelectorAll("#numbers button")[arguments[0]].click();

@@ -110,7 +110,7 @@ def test_bodies_of_different_size_are_histories(rng, monkeypatch):
     hits = [ao.simulate(body, ball, law, 0.02) for body in bodies]
     forces = [finely(hit) for hit in hits]
     told: list[str] = []
-    with progress.following(told.append):
+    with progress.following_progress(told.append):
         peaks = peak_deflections(bodies, forces, 0.02)
     assert "largest deflections: 3 of 3" in told  # of hundreds of sites they take seconds
     for peak, hit, (times, _) in zip(peaks, hits, forces, strict=True):

@@ -49,7 +49,7 @@ def test_contacts_that_do_not_fit_are_refused_before_the_work(monkeypatch):
     contacts = [ao.Contact("wall", name, ao.Hertz(1e8)) for name in bodies]
     many = ao.Scene(bodies={"wall": ao.Obstacle(), **bodies}, contacts=contacts)
     monkeypatch.setattr(process, "free_memory", lambda: 1e5)
-    monkeypatch.setattr(process, "NEGLIGIBLE", 0)
+    monkeypatch.setattr(process, "NEGLIGIBLE_BYTES", 0)
     monkeypatch.setattr(march, "Buffers", lambda *given: pytest.fail("it ran"))
     with pytest.raises(ao.OutOfMemoryError, match=r"60 contacts .* GB are free"):
         many.run(1e-4)

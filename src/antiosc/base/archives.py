@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import zipfile
 
 #: Most members of an archive.
-_MEMBERS = 100
+_MAX_MEMBERS = 100
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]
 
@@ -42,11 +42,11 @@ def write_arrays(path: str | os.PathLike[str], arrays: Arrays, what: str) -> Non
                 npy.write_array(member, np.asanyarray(values), allow_pickle=False)
 
 
-def read_arrays(path: Path, largest: int, what: str, kinds: str = "fiuU") -> Arrays:
+def read_arrays(path: Path, max_bytes: int, what: str, dtype_kinds: str = "fiuU") -> Arrays:
     """The arrays of an .npz file by name.
 
-    `kinds`: kinds of dtype that are allowed; `largest`: bytes, of the file and of all arrays.
-    InputError for others.
+    `dtype_kinds`: kinds of dtype that are allowed; `max_bytes`: bytes, of the file and of all
+    arrays. InputError for others.
     """
     import zipfile  # takes long to load
 
@@ -54,22 +54,28 @@ def read_arrays(path: Path, largest: int, what: str, kinds: str = "fiuU") -> Arr
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
             size = sum(member.file_size for member in members)
-            if len(members) <= _MEMBERS and size <= largest:
-                return {m.filename.removesuffix(".npy"): _array(archive, m, kinds) for m in members}
+            if len(members) <= _MAX_MEMBERS and size <= max_bytes:
+                return {
+                    m.filename.removesuffix(".npy"): _read_array(archive, m, dtype_kinds)
+                    for m in members
+                }
     except Exception:  # NumPy and zipfile raise what they like on foreign bytes
         raise InputError(f"{path} is not {what}, or it is damaged.") from None
 
     raise InputError(
-        f"{path} holds {len(members)} arrays of {size} bytes; {what} has at most {_MEMBERS}, and"
-        f" {largest} bytes."
+        f"{path} holds {len(members)} arrays of {size} bytes; {what} has at most "
+        f"{_MAX_MEMBERS}, and"
+        f" {max_bytes} bytes."
     )
 
 
-def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, kinds: str) -> NDArray[Any]:
+def _read_array(
+    archive: zipfile.ZipFile, member: zipfile.ZipInfo, dtype_kinds: str
+) -> NDArray[Any]:
     """One array; ValueError where its header and size disagree."""
     with archive.open(member) as stream:
         content = io.BytesIO(stream.read(member.file_size))  # no more, whatever is compressed
     array = np.asarray(npy.read_array(content, allow_pickle=False))
-    if array.dtype.kind not in kinds or content.read(1):
+    if array.dtype.kind not in dtype_kinds or content.read(1):
         raise ValueError(f"{member.filename} holds {array.dtype} of shape {array.shape}, and more")
     return array

@@ -37,17 +37,17 @@ C = TypeVar("C")
 
 #: A quantity in SI units is 0 or lies between these in magnitude. Products and powers of a few such
 #: numbers stay within double precision (1e±308).
-SMALLEST = 1e-60
-LARGEST = 1e60
+MIN_MAGNITUDE = 1e-60
+MAX_MAGNITUDE = 1e60
 #: Largest whole number: every one up to it is a float too.
-LARGEST_WHOLE = 2**53
+MAX_INTEGER = 2**53
 
 #: Most letters of a name.
-LONGEST_NAME = 200
+MAX_NAME_LENGTH = 200
 
-_TRUTH = (bool, np.bool_)
+_BOOLEAN_TYPES = (bool, np.bool_)
 #: Types that Python or NumPy counts among the numbers, but that are refused as numbers.
-_REFUSED_NUMBERS = (*_TRUTH, np.timedelta64)
+_REFUSED_NUMBERS = (*_BOOLEAN_TYPES, np.timedelta64)
 
 
 class _Required:
@@ -73,11 +73,11 @@ _repr.maxlist = _repr.maxtuple = _repr.maxarray = _repr.maxset = _repr.maxdict =
 def number(name: str, value: object, unit: str = "") -> float:
     """`value` as a finite float, 0 or of a magnitude from 1e-60 to 1e60, or InputError."""
     result = value if type(value) is float else _as_float(name, value, unit)
-    if not (SMALLEST <= abs(result) <= LARGEST or result == 0.0):
+    if not (MIN_MAGNITUDE <= abs(result) <= MAX_MAGNITUDE or result == 0.0):
         if not isfinite(result):
             raise InputError(f"{name} must be finite{_unit_text(unit)}; got {shown(value)}.")
         raise InputError(
-            f"{name} must be 0 or between {SMALLEST:g} and {LARGEST:g} in magnitude"
+            f"{name} must be 0 or between {MIN_MAGNITUDE:g} and {MAX_MAGNITUDE:g} in magnitude"
             f"{_unit_text(unit)}; got {result:g}."
         )
 
@@ -86,7 +86,7 @@ def number(name: str, value: object, unit: str = "") -> float:
 
 def _as_float(name: str, value: object, unit: str) -> float:
     """A real number of any type as a float; inf if it is too large for a float."""
-    if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
+    if isinstance(value, np.ndarray) and value.ndim == 0 and not _is_masked(value):
         value = value[()]
     if isinstance(value, _REFUSED_NUMBERS) or not isinstance(value, Real):
         raise InputError(f"{name} must be a number{_unit_text(unit)}; got {shown(value)}.")
@@ -118,9 +118,9 @@ def nonnegative(name: str, value: object, unit: str = "") -> float:
     return result
 
 
-def whole(name: str, value: object, least: int = 1, most: int = LARGEST_WHOLE) -> int:
+def whole(name: str, value: object, least: int = 1, most: int = MAX_INTEGER) -> int:
     """`value` as an int from `least` to `most`, or InputError; 2.0 is taken as 2."""
-    if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
+    if isinstance(value, np.ndarray) and value.ndim == 0 and not _is_masked(value):
         value = value[()]
 
     sound = type(value) is int or (
@@ -174,7 +174,7 @@ def floats(name: str, value: object, shape: tuple[int | None, ...] | None) -> Ar
     if type(value) is np.ndarray and value.dtype == np.float64:
         result = value
     else:
-        result = _numbers(name, value, "iuf")
+        result = _array_of_kinds(name, value, "iuf")
         with np.errstate(over="ignore"):  # a long double above 1e308 becomes inf, refused below
             result = np.asarray(result, dtype=float)
 
@@ -182,12 +182,12 @@ def floats(name: str, value: object, shape: tuple[int | None, ...] | None) -> Ar
         _check_shape(name, result, shape)
 
     # NaN, too; |result| would be another array as large as the shapes of a model
-    if result.size and not max(float(result.max()), -float(result.min())) <= LARGEST:
+    if result.size and not max(float(result.max()), -float(result.min())) <= MAX_MAGNITUDE:
         bad = np.count_nonzero(~np.isfinite(result))
         if bad:
             raise InputError(f"{name} must be finite; {bad} of its {result.size} entries are not.")
         raise InputError(
-            f"{name} must not exceed {LARGEST:g} in magnitude; its largest entry is "
+            f"{name} must not exceed {MAX_MAGNITUDE:g} in magnitude; its largest entry is "
             f"{np.abs(result).max():g}."
         )
 
@@ -213,11 +213,11 @@ def strength_range(value: object, strength: float | None) -> tuple[float, float]
 def positives(name: str, value: object, unit: str = "") -> Array:
     """Numbers > 0, each of a magnitude from 1e-60 to 1e60, as an array (n,), or InputError."""
     result = column(name, value)
-    if result.size and not result.min() >= SMALLEST:
+    if result.size and not result.min() >= MIN_MAGNITUDE:
         worst = int(np.argmin(result))
         raise InputError(
             f"every {name} must be > 0; {name}[{worst}] = {result[worst]:g} is below"
-            f" {SMALLEST:g}{_unit_text(unit)}."
+            f" {MIN_MAGNITUDE:g}{_unit_text(unit)}."
         )
 
     return result
@@ -233,10 +233,10 @@ def column(name: str, value: object, size: int | None = None) -> Array:
 
 def spectrum(name: str, value: object) -> Numbers:
     """Finite numbers, real or complex, as an array of any shape, or InputError."""
-    result = _numbers(name, value, "iufc")
+    result = _array_of_kinds(name, value, "iufc")
     floats = np.array(result, complex) if result.dtype.kind == "c" else np.array(result, float)
-    if floats.size and not np.abs(floats).max() <= LARGEST:  # catches NaN too
-        raise InputError(f"{name} must be finite and at most {LARGEST:g} in magnitude.")
+    if floats.size and not np.abs(floats).max() <= MAX_MAGNITUDE:  # catches NaN too
+        raise InputError(f"{name} must be finite and at most {MAX_MAGNITUDE:g} in magnitude.")
     return floats
 
 
@@ -270,7 +270,7 @@ def read_only(values: NDArray[S]) -> NDArray[S]:
 
 def flag(name: str, value: object) -> bool:
     """`value` as a bool, or InputError."""
-    if not isinstance(value, _TRUTH):
+    if not isinstance(value, _BOOLEAN_TYPES):
         raise InputError(f"{name} must be true or false; got {shown(value)}.")
     return bool(value)
 
@@ -297,9 +297,10 @@ def name(what: str, value: object) -> str:
     result = text(what, value)
     if not result.isprintable():
         raise InputError(f"{what} must be printable, on one line; got {ascii(result)[:60]}.")
-    if len(result) > LONGEST_NAME:
+    if len(result) > MAX_NAME_LENGTH:
         raise InputError(
-            f"{what} must have at most {LONGEST_NAME} letters; {shown(result)} has {len(result)}."
+            f"{what} must have at most {MAX_NAME_LENGTH} letters; {shown(result)} has "
+            f"{len(result)}."
         )
 
     return result
@@ -416,11 +417,11 @@ def shown(value: object) -> str:
     return f"an object of type {type(value).__name__}"
 
 
-def nests_deeper(text: str, deepest: int) -> bool:
+def nests_deeper(text: str, max_depth: int) -> bool:
     """Whether brackets of a text in JSON or TOML nest too deep for a parser that recurses."""
     brackets = re.sub(_NO_BRACKETS, "", text)
     depths = accumulate(1 if bracket in "[{" else -1 for bracket in brackets)
-    return max(depths, default=0) > deepest
+    return max(depths, default=0) > max_depth
 
 
 def point_text(point: Iterable[float]) -> str:
@@ -432,10 +433,10 @@ def point_text(point: Iterable[float]) -> str:
 # -- helpers
 
 
-def _numbers(name: str, value: object, kinds: str) -> NDArray[np.generic]:
+def _array_of_kinds(name: str, value: object, kinds: str) -> NDArray[np.generic]:
     """`value` as an array whose dtype is of one of NumPy's `kinds`, or InputError."""
     expected = "an array of numbers" if "c" in kinds else "an array of real numbers"
-    if _masked(value):
+    if _is_masked(value):
         raise InputError(f"{name} must be {expected}; got {shown(value)}.")
 
     try:
@@ -448,7 +449,7 @@ def _numbers(name: str, value: object, kinds: str) -> NDArray[np.generic]:
     return result
 
 
-def _masked(value: object) -> bool:
+def _is_masked(value: object) -> bool:
     return isinstance(value, np.ma.MaskedArray)
 
 

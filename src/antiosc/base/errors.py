@@ -92,38 +92,40 @@ class Message(str):
 
 #: Weights of warnings: those that question the numbers, those on the model, those on the file, and
 #: notes of what was chosen.
-QUESTIONS_NUMBERS, ON_MODEL, ON_FILE, NOTE = range(4)
+NUMBERS_WEIGHT, MODEL_WEIGHT, FILE_WEIGHT, NOTE_WEIGHT = range(4)
 
 
-def weight(message: str) -> int:
-    """The weight of a warning, one of `QUESTIONS_NUMBERS` … `NOTE`, by its category."""
+def message_weight(message: str) -> int:
+    """The weight of a warning, one of `NUMBERS_WEIGHT` … `NOTE_WEIGHT`, by its category."""
     category = getattr(message, "category", AntioscWarning)
     if issubclass(category, AccuracyWarning):
-        return QUESTIONS_NUMBERS
+        return NUMBERS_WEIGHT
     if issubclass(category, ChoiceWarning):
-        return NOTE
-    return ON_FILE if issubclass(category, NotTakenWarning) else ON_MODEL
+        return NOTE_WEIGHT
+    return FILE_WEIGHT if issubclass(category, NotTakenWarning) else MODEL_WEIGHT
 
 
 def labelled(message: str) -> str:
     """The message for a terminal, after the word for its weight."""
-    return f"{'note' if weight(message) == NOTE else 'warning'}: {message}"
+    return f"{'note' if message_weight(message) == NOTE_WEIGHT else 'warning'}: {message}"
 
 
-def by_weight(messages: Iterable[str]) -> list[str]:
+def sorted_by_weight(messages: Iterable[str]) -> list[str]:
     """Warnings in the order of their weight, each once."""
-    return sorted(dict.fromkeys(messages), key=weight)
+    return sorted(dict.fromkeys(messages), key=message_weight)
 
 
 #: what takes antiosc's warnings of this thread; None: Python's own filters
-_receiver: ContextVar[Callable[[str], None] | None] = ContextVar("antiosc_warnings", default=None)
+_warning_receiver: ContextVar[Callable[[str], None] | None] = ContextVar(
+    "antiosc_warnings", default=None
+)
 
 
 def warn(message: str, category: type[Warning] | None = None) -> None:
     """Warn at the line of the caller's own code; `category` of a collected message by default."""
     kind: type[Warning] = getattr(message, "category", AntioscWarning)
     kind = kind if category is None else category
-    taker = _receiver.get()
+    taker = _warning_receiver.get()
     if taker is not None:
         taker(Message(message, kind))
         return
@@ -151,16 +153,16 @@ def _frames_to_caller() -> int:
 
 
 @contextmanager
-def warnings_to(take: Callable[[str], None]) -> Iterator[None]:
-    """Context in which `take` gets antiosc's warnings of this thread.
+def warnings_to(receiver: Callable[[str], None]) -> Iterator[None]:
+    """Context in which `receiver` gets antiosc's warnings of this thread.
 
     Python's filters would act on all threads.
     """
-    token = _receiver.set(take)
+    token = _warning_receiver.set(receiver)
     try:
         yield
     finally:
-        _receiver.reset(token)
+        _warning_receiver.reset(token)
 
 
 def without_warnings() -> AbstractContextManager[None]:
@@ -206,9 +208,9 @@ def finite_element_packages() -> Iterator[None]:
 
 
 #: Most names that are all listed.
-FEW_NAMES = 12
+MAX_LISTED_NAMES = 12
 #: Of more, so many of the nearest.
-NEAREST = 5
+NEAREST_NAME_COUNT = 5
 
 
 def name_list(wanted: object, names: Iterable[str], what: str) -> str:
@@ -217,13 +219,15 @@ def name_list(wanted: object, names: Iterable[str], what: str) -> str:
     `what` : the noun of the sentence, as "its groups".
     """
     sorted_names = sorted(names)
-    if len(sorted_names) <= FEW_NAMES:
+    if len(sorted_names) <= MAX_LISTED_NAMES:
         return f"{what} are: {', '.join(map(repr, sorted_names)) or 'none'}"
 
     import difflib  # takes long to load
 
     lowered = {name.lower(): name for name in sorted_names}
-    similar = difflib.get_close_matches(str(wanted).lower(), lowered, NEAREST, cutoff=0.0)
+    similar = difflib.get_close_matches(
+        str(wanted).lower(), lowered, NEAREST_NAME_COUNT, cutoff=0.0
+    )
     nearest = ", ".join(repr(lowered[name]) for name in similar)
 
     return f"the nearest of {what} ({len(sorted_names)}) are: {nearest}"

@@ -22,9 +22,9 @@ TEMPORARY_PREFIX = ".antiosc-"
 #: First characters of formulas in spreadsheets; some programs accept wide characters too.
 FORMULA_STARTS = tuple("=+-@\uff1d\uff0b\uff0d\uff20")
 #: Largest table or measurement that is read whole, bytes.
-LARGEST_READ = 100_000_000
+MAX_READ_BYTES = 100_000_000
 #: Longest suffix that the temporary file keeps: programs choose a format by it.
-_SUFFIX = 20
+_MAX_SUFFIX_LENGTH = 20
 
 
 @contextlib.contextmanager
@@ -38,7 +38,7 @@ def atomic_file(path: str | os.PathLike[str], what: str = "the file") -> Iterato
     try:
         target = Path(os.path.realpath(checks.path("path", path)))
         old_status = _regular_status(target, path, what)
-        part = _temporary(target, old_status)
+        part = _temporary_file(target, old_status)
 
         try:
             yield part
@@ -52,7 +52,7 @@ def atomic_file(path: str | os.PathLike[str], what: str = "the file") -> Iterato
         raise cannot_write(what, path, error) from error
 
 
-def part_name(target: Path, suffix: str = "") -> Path:
+def temporary_name(target: Path, suffix: str = "") -> Path:
     """A new name of a temporary file or folder beside `target`."""
     return target.with_name(f"{TEMPORARY_PREFIX}{secrets.token_hex(10)}{suffix}")
 
@@ -66,9 +66,10 @@ def check_readable(path: Path, what: str) -> None:
     except OSError as error:
         raise InputError(f"cannot read {path.name}: {error.strerror or error}.") from error
 
-    if not 0 < size <= LARGEST_READ:
+    if not 0 < size <= MAX_READ_BYTES:
         raise InputError(
-            f"{path.name} has {size} bytes; {what} has 1 to {LARGEST_READ:g} bytes: cut it to what"
+            f"{path.name} has {size} bytes; {what} has 1 to {MAX_READ_BYTES:g} bytes: cut it "
+            "to what"
             " is needed."
         )
 
@@ -110,18 +111,18 @@ def _regular_status(target: Path, path: str | os.PathLike[str], what: str) -> os
     return old_status
 
 
-def _temporary(target: Path, old: os.stat_result | None) -> Path:
+def _temporary_file(target: Path, old_status: os.stat_result | None) -> Path:
     """An empty file in the folder of `target`, with the permissions of the file to be written."""
-    suffix = target.suffix if len(target.suffix) <= _SUFFIX else ""
-    part = part_name(target, suffix)
+    suffix = target.suffix if len(target.suffix) <= _MAX_SUFFIX_LENGTH else ""
+    part = temporary_name(target, suffix)
     flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_CLOEXEC", 0)
-    handle = os.open(part, flags, 0o666 if old is None else 0o600)
+    handle = os.open(part, flags, 0o666 if old_status is None else 0o600)
 
     try:
-        if old is not None and hasattr(os, "fchown"):  # not on Windows
+        if old_status is not None and hasattr(os, "fchown"):  # not on Windows
             with contextlib.suppress(PermissionError):  # root alone may give files away
-                os.fchown(handle, old.st_uid, old.st_gid)
-            os.fchmod(handle, stat.S_IMODE(old.st_mode))
+                os.fchown(handle, old_status.st_uid, old_status.st_gid)
+            os.fchmod(handle, stat.S_IMODE(old_status.st_mode))
     finally:
         os.close(handle)
 

@@ -15,7 +15,7 @@ _NAME = r"(\w+) as \w+"
 
 
 @cache
-def listed(module: str) -> dict[str, str]:
+def names_in_stub(module: str) -> dict[str, str]:
     """Name -> module that defines it, read from the stub (.pyi) beside a module's file."""
     stub = Path(module).with_suffix(".pyi")
     names: dict[str, str] = {}
@@ -24,7 +24,7 @@ def listed(module: str) -> dict[str, str]:
             continue
 
         if imported == "*":
-            names |= listed(str(stub.with_name(source.rpartition(".")[2])))
+            names |= names_in_stub(str(stub.with_name(source.rpartition(".")[2])))
         else:
             names |= dict.fromkeys(re.findall(_NAME, imported), source)
     return names
@@ -32,7 +32,7 @@ def listed(module: str) -> dict[str, str]:
 
 def namespace(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
     """(`__all__`, `__getattr__`, `__dir__`) of a module whose names its stub (.pyi) lists."""
-    names = sorted(listed(module))
+    names = sorted(names_in_stub(module))
 
     def getattr_(name: str) -> Any:
         if name not in names:
@@ -42,7 +42,7 @@ def namespace(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[]
     return names, getattr_, lambda: names
 
 
-def _value(module: str, name: str) -> Any:
+def _load_name(module: str, name: str) -> Any:
     """A name of a module, or the module of that name in a package."""
     try:
         return getattr(import_module(module), name)
@@ -52,14 +52,14 @@ def _value(module: str, name: str) -> Any:
 
 def door(module: str) -> tuple[list[str], Callable[[str], Any]]:
     """(`__all__`, `__getattr__`) of a module that imports the names of its stub on first use."""
-    modules = listed(module)
+    modules = names_in_stub(module)
     values: dict[str, Any] = {}
 
     def getattr_(name: str) -> Any:
         if name not in modules:
             raise AttributeError(f"{Path(module).stem} has no name {name!r}")
         if name not in values:
-            values[name] = _value(modules[name], name)
+            values[name] = _load_name(modules[name], name)
         return values[name]
 
     return sorted(modules), getattr_

@@ -14,7 +14,7 @@ from antiosc.base.errors import InputError, name_list
 from antiosc.base.texts import engineering
 
 #: Materials of which a deck without densities may be.
-COMMON = (
+COMMON_MATERIALS = (
     *("steel S235", "aluminium 6082-T6", "titanium Ti-6Al-4V", "magnesium AZ31B"),
     *("concrete C30/37", "PC", "rubber NR 50 IRHD"),
 )
@@ -73,12 +73,14 @@ def record(name: object) -> MaterialRecord:
     """The material of this name, or the only one whose name contains it; else InputError."""
     all_names = names()
     wanted = checks.text("material", name)
-    words = _words(wanted)
-    matches = [n for n in all_names if all(any(x.startswith(w) for x in _words(n)) for w in words)]
-    exact = [name for name in all_names if _words(name) == words]
+    words = _words_of_name(wanted)
+    matches = [
+        n for n in all_names if all(any(x.startswith(w) for x in _words_of_name(n)) for w in words)
+    ]
+    exact = [name for name in all_names if _words_of_name(name) == words]
     for candidates in (exact, matches):
         if len(candidates) == 1:
-            return _read(candidates[0], _table()["material"][candidates[0]])
+            return _record_of_row(candidates[0], _table()["material"][candidates[0]])
 
     fault = f"no material; {name_list(wanted, all_names, 'the materials')}"
     if matches:
@@ -87,7 +89,7 @@ def record(name: object) -> MaterialRecord:
     raise InputError(f"{wanted!r} is {fault}, or give the constants E, nu, rho and yield_strength.")
 
 
-def yielding(name: str) -> MaterialRecord:
+def yielding_record(name: str) -> MaterialRecord:
     """As `record`; InputError for a material that does not yield."""
     found = record(name)
     if found.yield_strength is None:
@@ -111,7 +113,7 @@ def strength_at(rate: tuple[float, ...], strength: float, strain_rate: float) ->
     return static * (1 + (strain_rate / D) ** (1 / q))
 
 
-def _words(name: str) -> list[str]:
+def _words_of_name(name: str) -> list[str]:
     return re.findall(r"[\w.%]+", name.lower())
 
 
@@ -123,7 +125,7 @@ def _table() -> dict[str, Any]:
         return tomllib.load(stream)
 
 
-def _read(name: str, row: Mapping[str, Any]) -> MaterialRecord:
+def _record_of_row(name: str, row: Mapping[str, Any]) -> MaterialRecord:
     brittle = row["yield_strength"] == "none"
     low_high = row.get("range")
     rate = row.get("rate")

@@ -19,22 +19,22 @@ from antiosc.base.errors import InputError, MeshError, warn
 #: Standard gravity, m/s².
 GRAVITY = 9.80665
 #: Young's moduli from rubber to diamond, Pa, and densities from foams to osmium, kg/m³.
-MODULI = 1e6, 1.3e12
-DENSITIES = 10.0, 25_000.0
+MODULUS_RANGE = 1e6, 1.3e12
+DENSITY_RANGE = 10.0, 25_000.0
 #: Waves in a bar, √(E/ρ), from soft rubber to diamond, m/s, …
 SLOWEST_WAVE, FASTEST_WAVE = 40.0, 20_000.0
 #: … and in solids as dense as this, kg/m³; none is as fast as light.
-DENSE, SLOWEST_OF_DENSE, LIGHT = 2000.0, 10.0, 3e8
+DENSE_SOLID, SLOWEST_OF_DENSE, LIGHT_SPEED = 2000.0, 10.0, 3e8
 #: √(E/ρ) that readers of decks give a material without mass, m/s.
 MASSLESS_WAVE = 1e8
 #: Largest diagonal of frames and trusses, m.
-LONGEST_OF_LINES = 100.0
+MAX_FRAME_SIZE = 100.0
 #: Patches have at least this share of the size of the part as radius.
-SMALLEST_PATCH = 1e-4
+MIN_PATCH_RATIO = 1e-4
 #: Stress of a blow over Young's modulus, v/√(E/ρ), up to which a solid is linear.
-LINEAR = 0.1
+LINEAR_STRAIN = 0.1
 #: Relative difference of two lengths or speeds below which they are equal.
-ROUNDING = 1e-9
+RELATIVE_ROUNDING = 1e-9
 
 
 class Range(NamedTuple):
@@ -43,32 +43,32 @@ class Range(NamedTuple):
     low: float
     high: float
     unit: str
-    others: tuple[tuple[float, str], ...]
+    other_units: tuple[tuple[float, str], ...]
 
 
 MILLIMETRES = ((1e-3, "mm"),)
-RANGES = {
-    "modulus": Range(*MODULI, "Pa", ((1e9, "GPa"), (1e6, "MPa"))),
+USUAL_RANGES = {
+    "modulus": Range(*MODULUS_RANGE, "Pa", ((1e9, "GPa"), (1e6, "MPa"))),
     "strength": Range(1e4, inf, "Pa", ((1e6, "MPa"),)),
-    "density": Range(*DENSITIES, "kg/m³", ((1e3, "g/cm³"), (1e12, "t/mm³"))),
+    "density": Range(*DENSITY_RANGE, "kg/m³", ((1e3, "g/cm³"), (1e12, "t/mm³"))),
     "length": Range(1e-3, 20.0, "m", MILLIMETRES),
     "radius": Range(0.0, 5.0, "m", MILLIMETRES),
     "speed": Range(0.0, 100.0, "m/s", ((1e-3, "mm/s"),)),
 }
 
 
-def doubt(quantity: str, value: float, what: str, low: float = 0.0, high: float = inf) -> str:
-    """Sentence that a value lies outside `RANGES[quantity]`; "" if it does not.
+def range_doubt(quantity: str, value: float, what: str, low: float = 0.0, high: float = inf) -> str:
+    """Sentence that a value lies outside `USUAL_RANGES[quantity]`; "" if it does not.
 
     `low`, `high` narrow the range; `what` is the subject of the sentence.
     """
-    usual = RANGES[quantity]
+    usual = USUAL_RANGES[quantity]
     low, high = max(low, usual.low), min(high, usual.high)
     if low <= value <= high:
         return ""
 
     bound = f"less than {low:.3g}" if value < low else f"more than {high:.3g}"
-    scaled = [(factor * value, unit) for factor, unit in usual.others]
+    scaled = [(factor * value, unit) for factor, unit in usual.other_units]
     likely = [(number, unit) for number, unit in scaled if low <= number <= high] or scaled
     meant = " or ".join(f"{number:g} ({value:g} {unit})" for number, unit in likely)
     return f"{what} is {value:g} {usual.unit}, {bound}: units are SI; {meant} is probably meant."
@@ -88,40 +88,40 @@ def material_doubt(material: ExaminedMaterial) -> str:
     speed = material.bar_speed()
     name = f"a {type(material).__name__} of this part"
     rho, strength = (getattr(material, key, None) for key in ("rho", "yield_strength"))
-    massless = abs(speed / MASSLESS_WAVE - 1) < ROUNDING
+    massless = abs(speed / MASSLESS_WAVE - 1) < RELATIVE_ROUNDING
 
     if massless or SLOWEST_WAVE <= speed <= FASTEST_WAVE:
-        sentence = "" if rho is None else doubt("density", rho, f"the density of {name}")
+        sentence = "" if rho is None else range_doubt("density", rho, f"the density of {name}")
         if strength is not None and not sentence:
-            sentence = doubt("strength", strength, f"the yield_strength of {name}")
+            sentence = range_doubt("strength", strength, f"the yield_strength of {name}")
         return sentence
 
     sentence = (
         f"the wave speed in {name} is √(E/ρ) = {speed:.3g} m/s, outside {SLOWEST_WAVE:g} to"
         f" {FASTEST_WAVE:g}: units are SI, E in Pa and rho in kg/m³ (steel: 210e9 and 7850)."
     )
-    if speed > LIGHT or (rho is not None and rho > DENSE and speed < SLOWEST_OF_DENSE):
+    if speed > LIGHT_SPEED or (rho is not None and rho > DENSE_SOLID and speed < SLOWEST_OF_DENSE):
         raise InputError(sentence)
     return sentence
 
 
-def size_doubt(extent: float, stated: bool = False, lines: bool = False) -> str:
+def size_doubt(extent: float, unit_stated: bool = False, is_frame: bool = False) -> str:
     """Why the diagonal [m] of a part's box is implausible; "" if it is not.
 
-    A large one is accepted if the user has `stated` the unit, or up to `LONGEST_OF_LINES` of beams
-    and trusses (`lines`).
+    A large one is accepted if the user has stated the unit (`unit_stated`), or up to
+    `MAX_FRAME_SIZE` of beams and trusses (`is_frame`).
     """
-    long = RANGES["length"].high < extent
-    if long and (stated or (lines and extent <= LONGEST_OF_LINES)):
+    long = USUAL_RANGES["length"].high < extent
+    if long and (unit_stated or (is_frame and extent <= MAX_FRAME_SIZE)):
         return ""
-    sentence = doubt("length", extent, "the part's diagonal")
+    sentence = range_doubt("length", extent, "the part's diagonal")
     return sentence and f'{sentence} A mesh in millimetres is read with the unit "mm".'
 
 
 def refuse_size(size: float, points: ArrayLike, name: str) -> None:
     """MeshError for cells of a size [m] larger than the longest side of the box of points."""
     longest = float(np.ptp(points, axis=0).max())
-    if size > longest * (1 + ROUNDING):
+    if size > longest * (1 + RELATIVE_ROUNDING):
         raise MeshError(
             f"the size {size:g} m is larger than {name}, which measures {longest:.3g} m: lengths "
             f"are in metres; {1e-3 * size:g} m is probably meant ({size:g} mm)."
@@ -135,11 +135,11 @@ def patch_doubt(radius: float, extent: float) -> str:
             f"the radius {radius:g} m of the site is larger than the part, which measures "
             f"{extent:.3g} m: lengths are in metres; {1e-3 * radius:g} m is probably meant."
         )
-    if radius >= SMALLEST_PATCH * extent:
+    if radius >= MIN_PATCH_RATIO * extent:
         return ""
 
     return (
-        f"the radius {radius:g} m of the site is less than {SMALLEST_PATCH:g} of the part, which"
+        f"the radius {radius:g} m of the site is less than {MIN_PATCH_RATIO:g} of the part, which"
         f' measures {extent:.3g} m: a mesh in millimetres is read with the unit "mm".'
     )
 
@@ -153,7 +153,7 @@ def impact_doubts(
     has such waves.
     """
     all_velocities = [*velocities, *[getattr(mover, "velocity", 0.0) for mover in movers]]
-    speed = max(map(_fastest, all_velocities), default=0.0)
+    speed = max(map(_max_speed, all_velocities), default=0.0)
     return [_impact_doubt(model, speed) for model in models]
 
 
@@ -162,11 +162,11 @@ def _impact_doubt(model: object, speed: float) -> str:
     notes = getattr(getattr(model, "info", None), "notes", {})
     wave = float(notes.get("wave_speed") or 0.0)
 
-    sentence = doubt("speed", speed, "the speed of the blow, at which every metal yields,")
-    if not sentence and 0 < wave < speed / LINEAR:
+    sentence = range_doubt("speed", speed, "the speed of the blow, at which every metal yields,")
+    if not sentence and 0 < wave < speed / LINEAR_STRAIN:
         sentence = (
             f"the blow of {speed:g} m/s on a material with √(E/ρ) = {wave:.3g} m/s makes stresses "
-            f"of about {speed / wave:.2g} E, more than {LINEAR:g} E, up to which a solid is "
+            f"of about {speed / wave:.2g} E, more than {LINEAR_STRAIN:g} E, up to which a solid is "
             "linear: E is in Pa, rho in kg/m³, velocities in m/s."
         )
 
@@ -175,7 +175,7 @@ def _impact_doubt(model: object, speed: float) -> str:
     return sentence
 
 
-def _fastest(velocity: object) -> float:
+def _max_speed(velocity: object) -> float:
     """The largest speed [m/s] of a number, an array or a `Motion`; 0 for anything else."""
     value = getattr(velocity, "velocity", velocity)
     if type(value) is float:  # of most impacts, which take 0.2 ms

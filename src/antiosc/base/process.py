@@ -29,45 +29,51 @@ if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
 #: Variables by which users choose a number of threads; the first one that is set counts.
-VARIABLES = (
+THREAD_VARIABLES = (
     *("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "GOTO_NUM_THREADS"),
     "OMP_NUM_THREADS",
 )
 #: Operations of a front for each thread: with fewer, threads spend their time on waiting.
 WORK_PER_THREAD = 5e8
 #: Twice as many threads pay where they leave at most this share of the time.
-WORTHWHILE = 0.8
+WORTHWHILE_RATIO = 0.8
 
 
 def user_threads() -> tuple[str, str] | None:
     """(variable, number of threads) set by the user in the environment, or None."""
-    return next(((name, os.environ[name]) for name in VARIABLES if os.environ.get(name)), None)
+    return next(
+        ((name, os.environ[name]) for name in THREAD_VARIABLES if os.environ.get(name)), None
+    )
 
 
-def cores() -> int:
+def core_count() -> int:
     """Number of cores that this process may use (affinity and quota of the container)."""
     affinity = getattr(os, "sched_getaffinity", None)  # of Linux
     allowed = len(affinity(0)) if affinity else os.cpu_count() or 1
-    quota = " ".join(_lines(f"{CONTAINER}/cpu.max")).split()
+    quota = " ".join(_lines(f"{CGROUP_FOLDER}/cpu.max")).split()
     if len(quota) == 2 and quota[0].isdigit():
         allowed = min(allowed, max(1, int(quota[0]) // int(quota[1])))
     return allowed
 
 
-def useful_threads(fronts: Array, most: int) -> int:
-    """Useful number of threads, at most `most`, for dense fronts of these operation counts."""
+def useful_threads(front_operations: Array, most_threads: int) -> int:
+    """Useful number of threads, at most `most_threads`, for dense fronts of `front_operations`."""
 
     def cost(threads: int) -> float:
-        return float(np.sum(fronts / np.clip(fronts / WORK_PER_THREAD, 1, threads)))
+        return float(
+            np.sum(front_operations / np.clip(front_operations / WORK_PER_THREAD, 1, threads))
+        )
 
     threads = 1
-    while threads < most and cost(min(2 * threads, most)) < WORTHWHILE * cost(threads):
-        threads = min(2 * threads, most)
+    while threads < most_threads and cost(min(2 * threads, most_threads)) < WORTHWHILE_RATIO * cost(
+        threads
+    ):
+        threads = min(2 * threads, most_threads)
     return threads
 
 
 #: what threadpoolctl tells of a library
-Pool: TypeAlias = dict[str, Any]
+BlasPool: TypeAlias = dict[str, Any]
 
 
 class _Blas:
@@ -80,7 +86,7 @@ class _Blas:
         self.limit: Any = None
         self.before = 1
 
-    def pools(self) -> list[Pool]:
+    def pools(self) -> list[BlasPool]:
         """The data of threadpoolctl on each BLAS."""
         return [pool for pool in self.controller.info() if pool["user_api"] == "blas"]
 
@@ -115,7 +121,7 @@ def _blas() -> _Blas | None:
     return _Blas(ThreadpoolController())
 
 
-def pools() -> list[Pool] | None:
+def blas_pools() -> list[BlasPool] | None:
     """The data of threadpoolctl on each loaded BLAS; None if it is not installed."""
     blas = _blas()
     if blas is None:
@@ -139,10 +145,11 @@ def one_thread() -> Iterator[None]:
 
 
 @contextmanager
-def blas_threads(fronts: Array) -> Iterator[int | None]:
+def blas_threads(front_operations: Array) -> Iterator[int | None]:
     """Context with as many BLAS threads as pay for these fronts; yields their number, or None.
 
-    `fronts`: operation counts. None: no library of threads is known, or the user has set a number.
+    `front_operations`: operation counts. None: no library of threads is known, or the user has set
+    a number.
     """
     blas = None if user_threads() else _blas()
     if blas is None:
@@ -150,8 +157,8 @@ def blas_threads(fronts: Array) -> Iterator[int | None]:
         return
 
     with one_thread():
-        limit = min(blas.before, cores() - 1) if len(blas.users) == 1 else 1
-        threads = useful_threads(fronts, limit)
+        limit = min(blas.before, core_count() - 1) if len(blas.users) == 1 else 1
+        threads = useful_threads(front_operations, limit)
         with blas.controller.limit(limits=threads, user_api="blas"):
             yield threads
 
@@ -162,9 +169,9 @@ T = TypeVar("T")
 #: Share of the free memory that a factor, a basis or a run may fill.
 MEMORY_SHARE = 0.9
 #: Folder of a container's limits.
-CONTAINER = "/sys/fs/cgroup"
+CGROUP_FOLDER = "/sys/fs/cgroup"
 #: Bytes below which the free memory is not looked up: that takes longer than a short run.
-NEGLIGIBLE = 1 << 26
+NEGLIGIBLE_BYTES = 1 << 26
 #: Remedy where a run needs too much.
 MEMORY_REMEDY = "use a coarser mesh or elements of order 1, or free some memory"
 
@@ -176,7 +183,7 @@ def free_memory() -> float:
         if line.startswith("MemAvailable:"):
             free = 1024 * float(line.split()[1])
 
-    limit, used, stat = (_lines(f"{CONTAINER}/memory.{x}") for x in ("max", "current", "stat"))
+    limit, used, stat = (_lines(f"{CGROUP_FOLDER}/memory.{x}") for x in ("max", "current", "stat"))
     if limit and used and limit[0].isdigit():
         # the kernel gives up cached files first
         cached = [line.split()[1] for line in stat if line.startswith("inactive_file ")]
@@ -199,18 +206,21 @@ def _process_limit() -> float:
     return float(limit - int(pages[0].split()[0]) * resource.getpagesize())
 
 
-def require(need: float, what: str, remedy: str, free: float | None = None) -> None:
-    """OutOfMemoryError "`what` needs 3 GB and 2 GB are free: `remedy`." unless `need` bytes fit."""
-    if free is None and need < NEGLIGIBLE:
+def require_memory(
+    needed_bytes: float, what: str, remedy: str, free_bytes: float | None = None
+) -> None:
+    """OutOfMemoryError "`what` needs 3 GB and 2 GB are free: `remedy`." unless "
+    "`needed_bytes` fit."""
+    if free_bytes is None and needed_bytes < NEGLIGIBLE_BYTES:
         return
-    free = free_memory() if free is None else free
-    if need > MEMORY_SHARE * free:
-        raise OutOfMemoryError(f"{shortage(what, need, free)}: {remedy}.")
+    free_bytes = free_memory() if free_bytes is None else free_bytes
+    if needed_bytes > MEMORY_SHARE * free_bytes:
+        raise OutOfMemoryError(f"{shortage_text(what, needed_bytes, free_bytes)}: {remedy}.")
 
 
-def shortage(what: str, need: float, free: float) -> str:
+def shortage_text(what: str, needed_bytes: float, free_bytes: float) -> str:
     """The sentence that something needs more memory than is free, without the remedy."""
-    return f"{what} needs about {need / 1e9:.3g} GB and {free / 1e9:.3g} GB are free"
+    return f"{what} needs about {needed_bytes / 1e9:.3g} GB and {free_bytes / 1e9:.3g} GB are free"
 
 
 def allocation_failed(

@@ -17,18 +17,18 @@ from contextlib import contextmanager
 from typing import TextIO
 
 #: Carriage return, and the sequence that clears the line.
-CLEAR = "\r\x1b[2K"
+CLEAR_LINE = "\r\x1b[2K"
 
 #: How much of a work is done, in its text.
-COUNTED = re.compile(r"\b\d+ of \d+\b")
+COUNT_PATTERN = re.compile(r"\b\d+ of \d+\b")
 #: Seconds between two changes of a count.
-REFRESH = 0.1
+REFRESH_INTERVAL = 0.1
 
 #: Variables in which mpirun tells a process its rank: of Open MPI, and of MPICH and its kin.
-RANK = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
+RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
 
 
-class _Lines(threading.local):
+class _WorkTexts(threading.local):
     """The texts of the current work of this thread, the outermost first."""
 
     def __init__(self) -> None:
@@ -39,17 +39,17 @@ class _Lines(threading.local):
     @property
     def innermost(self) -> str:
         """Text of the innermost work, after that of the last counted work around it; or ""."""
-        counted = [text for text in self.texts[:-1] if COUNTED.search(text)]
+        counted = [text for text in self.texts[:-1] if COUNT_PATTERN.search(text)]
         return " – ".join([*counted[-1:], *self.texts[-1:]])
 
 
-_lines = _Lines()
+_work_texts = _WorkTexts()
 
 
 @contextmanager
 def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
     """Show `text` while the block runs; yields a function that appends a text to it."""
-    lines = _lines.texts
+    lines = _work_texts.texts
     index = len(lines)
     lines.append(text)
 
@@ -66,13 +66,13 @@ def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
 
 
 @contextmanager
-def following(tell: Callable[[str], None]) -> Iterator[None]:
-    """Call `tell` with the text of this thread's work when it changes, and with "" at the end."""
-    _lines.told = tell
+def following_progress(receiver: Callable[[str], None]) -> Iterator[None]:
+    """Call `receiver` with the text of this thread's work when it changes; at the end with ""."""
+    _work_texts.told = receiver
     try:
         yield
     finally:
-        _lines.told = None
+        _work_texts.told = None
 
 
 @contextmanager
@@ -82,23 +82,23 @@ def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], N
 
     with doing(text, rank) as report:
 
-        def done(count: int) -> None:
+        def set_count(count: int) -> None:
             nonlocal shown_time
             now = time.monotonic()
-            if now - shown_time >= REFRESH or count >= total:
+            if now - shown_time >= REFRESH_INTERVAL or count >= total:
                 shown_time = now
                 report(f"{min(count, total)} of {total}")
 
-        yield done
+        yield set_count
 
 
 def _write(rank: int) -> None:
     """Write the innermost work on the line, or clear the line if there is none."""
-    if _lines.told is not None:
-        _lines.told(_lines.innermost)
+    if _work_texts.told is not None:
+        _work_texts.told(_work_texts.innermost)
     stream = sys.stderr
     if not (rank or world_rank() or stream is None) and _is_terminal(stream):
-        _show(stream, _lines.innermost)
+        _show(stream, _work_texts.innermost)
 
 
 def _is_terminal(stream: TextIO) -> bool:
@@ -113,7 +113,7 @@ def _show(stream: TextIO, text: str) -> None:
     """Replace the line of a terminal; "" clears it."""
     try:
         width = shutil.get_terminal_size().columns - 1
-        stream.write(CLEAR + (f"antiosc: {text} …"[:width] if text else ""))
+        stream.write(CLEAR_LINE + (f"antiosc: {text} …"[:width] if text else ""))
         stream.flush()
     except (OSError, ValueError):  # a terminal that was closed
         return
@@ -125,7 +125,7 @@ def world_rank() -> int:
     if mpi is not None:
         return int(mpi.COMM_WORLD.rank)
 
-    rank_text = next((os.environ[name] for name in RANK if name in os.environ), "0")
+    rank_text = next((os.environ[name] for name in RANK_VARIABLES if name in os.environ), "0")
     if rank_text.isdigit():
         return int(rank_text)
     return 0

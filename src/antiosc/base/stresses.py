@@ -19,9 +19,9 @@ from antiosc.base.checks import Checked, checked_by, positive, within_range
 from antiosc.base.errors import InputError
 
 #: Axes of the six components of a symmetric tensor: 11, 22, 33, 23, 13, 12.
-PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+COMPONENT_AXES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 #: Asymmetry of a tensor, over its largest entry, that is rounding.
-ASYMMETRY = 1e-9
+ASYMMETRY_TOLERANCE = 1e-9
 
 
 @checks.within_range
@@ -33,7 +33,7 @@ def von_mises(stress: ArrayLike) -> Array:
     InputError
         For anything but symmetric tensors.
     """
-    return equivalent(components("stress", stress))
+    return von_mises_of_components(components("stress", stress))
 
 
 @checks.within_range
@@ -89,11 +89,11 @@ def tensors(name: str, value: object) -> Array:
     array = checks.floats(name, value, None)
     if array.shape[-2:] == (3, 3):
         size = np.abs(array).max(initial=0.0)
-        if np.abs(array - np.swapaxes(array, -1, -2)).max(initial=0.0) > ASYMMETRY * size:
+        if np.abs(array - np.swapaxes(array, -1, -2)).max(initial=0.0) > ASYMMETRY_TOLERANCE * size:
             raise InputError(f"{name} must be symmetric.")
         return array
     if array.ndim and array.shape[-1] == 6:
-        return tensors_of(array)
+        return tensors_of_components(array)
 
     raise InputError(
         f"{name} must hold tensors (..., 3, 3), as probe returns them, or six components "
@@ -104,10 +104,10 @@ def tensors(name: str, value: object) -> Array:
 def components(name: str, value: object) -> Array:
     """The components 11, 22, 33, 23, 13, 12 (..., 6) of symmetric tensors or of such components."""
     s = tensors(name, value)
-    return np.stack([s[..., i, j] for i, j in PAIRS], axis=-1)
+    return np.stack([s[..., i, j] for i, j in COMPONENT_AXES], axis=-1)
 
 
-def equivalent(components: Array) -> Array:
+def von_mises_of_components(components: Array) -> Array:
     """Von Mises's stress (...,) of components 11, 22, 33, 23, 13, 12 (..., 6)."""
     normal = components[..., :3]
     shear = components[..., 3:]
@@ -116,25 +116,25 @@ def equivalent(components: Array) -> Array:
     return np.asarray(np.sqrt(1.5 * squares))
 
 
-def length(vectors: Array) -> Array:
+def vector_length(vectors: Array) -> Array:
     """Lengths (...,) of vectors (..., c)."""
     return np.asarray(np.sqrt(np.einsum("...c,...c->...", vectors, vectors)))
 
 
 #: Five parts of a stress (components 11, 22, 33, 23, 13, 12), the sum of whose squares is that of
 #: von Mises's stress.
-DEVIATOR = np.zeros((5, 6))
-DEVIATOR[0, :3] = np.sqrt(0.75) * np.array([1.0, -1.0, 0.0])
-DEVIATOR[1, :3] = 0.5 * np.array([1.0, 1.0, -2.0])
-DEVIATOR[2:, 3:] = np.sqrt(3.0) * np.eye(3)
+VON_MISES_ROOT = np.zeros((5, 6))
+VON_MISES_ROOT[0, :3] = np.sqrt(0.75) * np.array([1.0, -1.0, 0.0])
+VON_MISES_ROOT[1, :3] = 0.5 * np.array([1.0, 1.0, -2.0])
+VON_MISES_ROOT[2:, 3:] = np.sqrt(3.0) * np.eye(3)
 
 
-def equivalent_parts(columns: Array) -> Array:
+def von_mises_parts(columns: Array) -> Array:
     """Columns (S, 5, B) from components (S, 6, B): their Euclidean length is von Mises's stress."""
-    return np.asarray(DEVIATOR @ columns)
+    return np.asarray(VON_MISES_ROOT @ columns)
 
 
-class Tensile(NamedTuple):
+class TensileStrength(NamedTuple):
     """Least and largest strength in tension [Pa] of a material that cracks."""
 
     low: float
@@ -147,7 +147,7 @@ def extreme_principal(components: Array) -> Array:
     return np.maximum(np.abs(highest), np.abs(lowest))
 
 
-def tension(components: Array) -> Array:
+def largest_tension(components: Array) -> Array:
     """The largest principal value (...,) of components (..., 6), 0 where all are negative."""
     return np.maximum(principal_ends(components)[0], 0.0)
 
@@ -170,15 +170,15 @@ def principal_ends(components: Array) -> tuple[Array, Array]:
     return highest, lowest
 
 
-def tensors_of(components: Array) -> Array:
+def tensors_of_components(components: Array) -> Array:
     """Tensors (..., 3, 3) of their components 11, 22, 33, 23, 13, 12 (..., 6)."""
     result = np.empty((*components.shape[:-1], 3, 3))
-    for k, (i, j) in enumerate(PAIRS):
+    for k, (i, j) in enumerate(COMPONENT_AXES):
         result[..., i, j] = result[..., j, i] = components[..., k]
     return result
 
 
-_PRESSURE = checked_by(positive, "Pa")
+_PRESSURE_CHECK = checked_by(positive, "Pa")
 
 
 @dataclass(frozen=True)
@@ -197,12 +197,12 @@ class Strengths(Checked):
         Shear between layers (ILSS), Pa; delamination is assessed where it is given.
     """
 
-    X_t: float = field(metadata=_PRESSURE)
-    X_c: float = field(metadata=_PRESSURE)
-    Y_t: float = field(metadata=_PRESSURE)
-    Y_c: float = field(metadata=_PRESSURE)
-    S: float = field(metadata=_PRESSURE)
-    interlaminar: float | None = field(default=None, metadata=_PRESSURE)
+    X_t: float = field(metadata=_PRESSURE_CHECK)
+    X_c: float = field(metadata=_PRESSURE_CHECK)
+    Y_t: float = field(metadata=_PRESSURE_CHECK)
+    Y_c: float = field(metadata=_PRESSURE_CHECK)
+    S: float = field(metadata=_PRESSURE_CHECK)
+    interlaminar: float | None = field(default=None, metadata=_PRESSURE_CHECK)
 
     @within_range
     def tsai_hill(self, stress: ArrayLike) -> Array:

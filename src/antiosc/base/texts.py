@@ -20,7 +20,7 @@ from antiosc.base.errors import AntioscError
 #: one that is rounded down.
 DIGIT_ROUNDING = 1e-6
 #: Most lines of numbers of an object.
-LINES = 4
+MAX_LINES = 4
 
 
 def printable(text: str) -> str:
@@ -28,17 +28,17 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
-def piece_is_read(name: str, piece: int, count: int, pieces: str = "") -> str:
+def piece_text(name: str, piece: int, count: int, pieces: str = "") -> str:
     """Sentence that of a file of `count` pieces one is read; `pieces`: text on all of them."""
     listed = f" ({pieces})" if pieces else ""
     return f"{name}: piece {piece} of {count} is read, the others are not{listed}."
 
 
 #: Arguments that make cells smaller, and that of a patch.
-SMALLER_CELLS = "refine or size"
-PATCH_RADIUS = "radius"
+CELL_ARGUMENTS = "refine or size"
+PATCH_ARGUMENT = "radius"
 #: Most characters of one value.
-WIDTH = 72
+MAX_VALUE_LENGTH = 72
 
 
 class ReprMixin:
@@ -51,15 +51,15 @@ class ReprMixin:
             if f.repr and not f.name.startswith("_")
         ]
         facts = [(name, text) for name, value in fields if (text := value_text(value))]
-        if len(facts) <= LINES:
+        if len(facts) <= MAX_LINES:
             return facts
 
-        hidden_names = ", ".join(name for name, _ in facts[LINES - 1 :])
-        return [*facts[: LINES - 1], ("and", hidden_names)]
+        hidden_names = ", ".join(name for name, _ in facts[MAX_LINES - 1 :])
+        return [*facts[: MAX_LINES - 1], ("and", hidden_names)]
 
     def __repr__(self) -> str:
         try:
-            facts = [(name, _truncated(text)) for name, text in self._facts()[:LINES]]
+            facts = [(name, _truncated(text)) for name, text in self._facts()[:MAX_LINES]]
         except (AntioscError, AttributeError):  # an object of which not everything is known
             facts = []
 
@@ -95,20 +95,20 @@ class Result(ReprMixin):
         values = {name: getattr(self, name) for name in names}
         single = bool, int, float, str, np.generic
         single_values = {
-            name: _json(value) for name, value in values.items() if isinstance(value, single)
+            name: _json_value(value) for name, value in values.items() if isinstance(value, single)
         }
 
-        return {**single_values, "status": _json(self.status), "message": self.message}
+        return {**single_values, "status": _json_value(self.status), "message": self.message}
 
 
-class Completed(Result):
+class CompletedResult(Result):
     """Base of results that exist only if the computation has completed: status 0."""
 
     status = 0
     message = "Completed."
 
 
-def _json(value: object) -> object:
+def _json_value(value: object) -> object:
     """A number or an array of NumPy as Python's own."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
@@ -155,24 +155,24 @@ def _field_text(value: object) -> str:
         return "{" + ", ".join(map(str, value)) + "}"
     if isinstance(value, list | tuple):
         text = ", ".join(map(_field_text, value))
-        if len(text) <= WIDTH:
+        if len(text) <= MAX_VALUE_LENGTH:
             return f"({text})"
         return f"({len(value)} entries)"
     if isinstance(value, ReprMixin) or callable(value):
         return getattr(value, "__name__", type(value).__name__)
 
     text = repr(value)
-    if len(text) <= WIDTH and "\n" not in text:
+    if len(text) <= MAX_VALUE_LENGTH and "\n" not in text:
         return text
 
     return type(value).__name__
 
 
 def _truncated(text: str) -> str:
-    """A text of at most `WIDTH` characters."""
-    if len(text) <= WIDTH:
+    """A text of at most `MAX_VALUE_LENGTH` characters."""
+    if len(text) <= MAX_VALUE_LENGTH:
         return text
-    return text[: WIDTH - 1] + "…"
+    return text[: MAX_VALUE_LENGTH - 1] + "…"
 
 
 def value_text(value: object) -> str:
@@ -211,12 +211,12 @@ def array_text(values: NDArray[np.generic]) -> str:
 
 
 #: Units that take a prefix, beside those that begin with newtons.
-PREFIXED = ("m", "s", "J", "Pa", "Hz", "g")
+PREFIXED_UNITS = ("m", "s", "J", "Pa", "Hz", "g")
 PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 
 
 #: Numbers of units without a prefix that are written without an exponent: 1220 m/s².
-WHOLE = 1e6
+MAX_PLAIN_NUMBER = 1e6
 
 
 def engineering(value: float, unit: str = "", digits: int = 3) -> str:
@@ -237,12 +237,12 @@ def engineering(value: float, unit: str = "", digits: int = 3) -> str:
         return f"0 {unit}".rstrip()
 
     rounded = float(f"{value:.{digits - 1}e}")
-    prefixed = unit in PREFIXED or unit.startswith("N")
+    prefixed = unit in PREFIXED_UNITS or unit.startswith("N")
     power = 3 * floor(log10(abs(rounded)) / 3 + 1e-12) if prefixed else 0
     power = min(max(power, min(PREFIXES)), max(PREFIXES))
     scaled = rounded / 10**power
     exponent = abs(scaled) >= 10**digits  # which two digits of 690 would have
-    whole = exponent and (prefixed or abs(scaled) < WHOLE)
+    whole = exponent and (prefixed or abs(scaled) < MAX_PLAIN_NUMBER)
     digits_text = f"{scaled:.0f}" if whole else f"{scaled:#.{digits}g}".rstrip(".")
     return f"{digits_text} {PREFIXES[power]}{unit}".rstrip()
 
@@ -284,7 +284,7 @@ def capitalised(sentence: str) -> str:
     return sentence
 
 
-def prefixed(largest: float, unit: str) -> tuple[float, str]:
+def unit_prefix(largest: float, unit: str) -> tuple[float, str]:
     """Factor and unit for a table column with this largest value: (1e6, "µs")."""
     if unit == "kg" and 0 < largest < 1:
         return 1e3, "g"
@@ -298,20 +298,23 @@ def exceeds(value: float, limit: float, digits: int) -> bool:
     return float(f"{value:.{digits}g}") > limit
 
 
-def plain(value: float, digits: int = 2) -> str:
+def plain_number(value: float, digits: int = 2) -> str:
     """A number rounded to so many digits, without an exponent: "250", "1800", "0.0043"."""
     return f"{float(f'{value:.{digits}g}'):.12g}" if isfinite(value) else "–"
 
 
 #: Share below which a text in per cent has no digit other than 0.
-LEAST_SHARE = 1e-5
+MIN_PERCENT_SHARE = 1e-5
 
 
 def percent(share: float) -> str:
-    """A ratio in per cent with two significant digits: "0.34 %"; "0 %" below `LEAST_SHARE`."""
-    if abs(share) < LEAST_SHARE:
+    """A ratio in per cent with two significant digits: "0.34 %".
+
+    "0 %" below `MIN_PERCENT_SHARE`.
+    """
+    if abs(share) < MIN_PERCENT_SHARE:
         return "0 %"
-    return f"{plain(100 * share)} %" if isfinite(share) else "unknown"
+    return f"{plain_number(100 * share)} %" if isfinite(share) else "unknown"
 
 
 def plus_minus(bar: tuple[float, float], text: Callable[[float], str] = percent) -> str:

@@ -123,7 +123,7 @@ class Buffers:
         if keep and self.arrays and r.n_states >= limit - 2:
             self.thin()
         need = 8 * nodes * (2 * m + 5) + 16 * size * min(nodes // 2, limit)
-        process.require(need, f"a run of {p} contacts", SHORTER_REMEDY)
+        process.require_memory(need, f"a run of {p} contacts", SHORTER_REMEDY)
         arrays = (
             np.empty(nodes),
             np.empty((nodes, m)),
@@ -185,7 +185,9 @@ class Workspace:
         self.shape = system.n_contacts, system.n_rows, system.n_modes
         p, _, modes = self.shape
         size = library.library.aom_memory_size(byref(system))
-        process.require(size, f"a run with {p} contacts and {modes} modes", "use fewer of them")
+        process.require_memory(
+            size, f"a run with {p} contacts and {modes} modes", "use fewer of them"
+        )
         self.memory = np.empty(-(-size // 16), dtype=np.complex128)
         self.stepper = c_void_p()
         self.records = _RECORDS()

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.stresses import Strengths, Tensile
+from antiosc.base.stresses import Strengths, TensileStrength
 from antiosc.base.texts import (
-    SMALLER_CELLS,
+    CELL_ARGUMENTS,
     ReprMixin,
     capitalised,
     engineering,
@@ -418,7 +418,7 @@ def _hidden_stress(
 def _remedy(cells: Refinement) -> str:
     """The recommendation of smaller cells, in words."""
     point, size, *_ = cells
-    told = f"cells of {engineering(size, 'm', 2)} ({SMALLER_CELLS})"
+    told = f"cells of {engineering(size, 'm', 2)} ({CELL_ARGUMENTS})"
     return f"{told} at {point_text(point)} would give one"
 
 
@@ -480,7 +480,7 @@ def strength_range(structure: Structure, margin: Margin) -> tuple[float, float] 
     strength = margin.strength
     if margin.criterion == "tension":
         tensile = [strength_of(material, Place()) for material in materials]
-        known = (t for t in tensile if isinstance(t, Tensile) and t.low == strength)
+        known = (t for t in tensile if isinstance(t, TensileStrength) and t.low == strength)
         return next(((t.low, t.high) for t in known), None)
 
     ranges = [
@@ -497,7 +497,7 @@ def has_strength(strength: object, criterion: str) -> bool:
     """Whether a material's `strength` is of the kind that the criterion needs."""
     if criterion == "delamination":
         return getattr(strength, "interlaminar", None) is not None
-    kinds = {"yield": float, "tension": Tensile}
+    kinds = {"yield": float, "tension": TensileStrength}
     return isinstance(strength, kinds.get(criterion, Strengths))
 
 

@@ -20,14 +20,14 @@ from antiosc.base.errors import InputError
 from antiosc.base.process import one_thread
 from antiosc.base.stresses import (
     Strengths,
-    Tensile,
-    equivalent_parts,
+    TensileStrength,
     exposure,
     extreme_principal,
-    length,
-    tension,
+    largest_tension,
+    vector_length,
+    von_mises_parts,
 )
-from antiosc.base.texts import Completed, ReprMixin, engineering, point_text as placed
+from antiosc.base.texts import CompletedResult, ReprMixin, engineering, point_text as placed
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.platform import collective
 from antiosc.fem.prestress import Prestress
@@ -53,7 +53,7 @@ from antiosc.recovery.series import write_vtu_file
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from antiosc.plot.surfaces import Deformed
+    from antiosc.plot.surfaces import DeformedSurface
 
 #: Quantity -> (what is recovered, time derivative, unit).
 PEAK_QUANTITIES = {
@@ -71,7 +71,7 @@ LEAST_DISTANCE = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PeakField(Completed):
+class PeakField(CompletedResult):
     """The largest value of one quantity at every node of a part.
 
     Attributes
@@ -211,9 +211,9 @@ class PeakField(Completed):
         name = self.quantity.replace("_", " ").replace("von mises", "von Mises stress")
         return name + (f" ({unit})" if unit else "")
 
-    def surface(self, label: str, moved: Array) -> Deformed:
+    def surface(self, label: str, moved: Array) -> DeformedSurface:
         """The outer surface displaced by `moved` (P, 3) [m], coloured by the values."""
-        from antiosc.plot.surfaces import Deformed, magnification
+        from antiosc.plot.surfaces import DeformedSurface, magnification
 
         label = checks.instance("label", label, str, "a text")
         moved = checks.floats("moved", moved, (len(self.points), 3))
@@ -223,7 +223,7 @@ class PeakField(Completed):
         label += f", motion drawn × {factor:g}" if size else ""
         faces = outer_faces(self._cells)
         displaced = self.points + factor * moved
-        return Deformed(self.points, displaced, faces, values, label, float(values.max()))
+        return DeformedSurface(self.points, displaced, faces, values, label, float(values.max()))
 
     def write(self, path: str | Path) -> Path:
         """Write the values and their times to a `.vtu` file, which ParaView opens.
@@ -331,7 +331,7 @@ def peak_field(
     search = search_of(history, body, derivative, instants, given=times is not None, static=static)
 
     if recovered == "motion":
-        best = Maxima(*search(moved, length, counts))
+        best = Maxima(*search(moved, vector_length, counts))
     else:
         best = Maxima.none(len(points))
         known: set[AnyStrength] = set()
@@ -436,8 +436,8 @@ def _add_maxima(
         nodes, columns = tensors.nodes[rows], tensors.columns[rows]
 
         scalar, own = _scalar(quantity, strength)
-        if scalar is length:
-            columns = equivalent_parts(columns)
+        if scalar is vector_length:
+            columns = von_mises_parts(columns)
         best.add(nodes, search(columns, scalar, counts[nodes]), own, ply)
 
 
@@ -449,9 +449,9 @@ def _scalar(quantity: str, strength: AnyStrength) -> tuple[Scalar, float]:
     if quantity in ("stress", "strain"):
         return extreme_principal, np.nan
     if quantity == "tension":
-        assert isinstance(strength, Tensile)
-        return tension, strength.low
-    return length, strength if isinstance(strength, float) else np.nan
+        assert isinstance(strength, TensileStrength)
+        return largest_tension, strength.low
+    return vector_length, strength if isinstance(strength, float) else np.nan
 
 
 def _peak_field_of(
@@ -488,9 +488,9 @@ def _zones(
     r0: float | None,
     held: Array,
 ) -> Zones:
-    """Places that are not judged: edges of solids alone; contacts not on beams, which are exact.
+    """Places where no margin is judged: near edges, on solids only; at contacts, except on beams.
 
-    `held` (n, 3): points [m] of rigid supports.
+    The stresses of beams are exact at contacts. `held` (n, 3): points [m] of rigid supports.
     """
     module = source(structure)
     families = module.families(structure, part)

@@ -23,7 +23,7 @@ from antiosc.impact.histories import History, SceneHistory
 from antiosc.impact.histories.factors import amplitudes
 from antiosc.plot import surfaces
 from antiosc.plot.charts import figure_or_path
-from antiosc.plot.surfaces import Deformed
+from antiosc.plot.surfaces import DeformedSurface
 from antiosc.recovery import source
 
 if TYPE_CHECKING:
@@ -229,7 +229,7 @@ def deformed(
     time: float | None,
     body: str,
     field: str | None = None,
-) -> Deformed:
+) -> DeformedSurface:
     """The surface of a part at a time, for pictures; arguments as for `plot_deformed`."""
     checks.instance("structure", structure, Structure, "a Structure")
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
@@ -251,7 +251,7 @@ def deformed(
         structure, history, checks.number("time", time, "s"), body=body
     )
     largest = float(np.linalg.norm(displacements, axis=1).max())
-    return Deformed.of(points, faces, displacements, largest)
+    return DeformedSurface.from_displacements(points, faces, displacements, largest)
 
 
 def _arrow(

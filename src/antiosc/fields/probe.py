@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.cfc import cfc_filter, memory_of, sampling_step
+from antiosc.base.cfc import cfc_filter, filter_memory, sampling_step
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, without_warnings
 from antiosc.base.process import one_thread
 from antiosc.base.stresses import von_mises
@@ -355,21 +355,22 @@ def _filtered(
             "a filter needs the motion before and after the times: probe the history of the scene,"
             " and name the body."
         )
-    end = times.max() + memory_of(name)
+    end = times.max() + filter_memory(name)
     if history.time[-1] < end and isinstance(history, History) and history.source is not None:
         with suppress(AntioscError), without_warnings():  # the law may end its range
             history = history.again(duration=end)
 
     if history.time[-1] < end * (1 - 1e-9):
         sentence = (
-            f"Values through {name} depend on the motion up to {engineering(memory_of(name), 's')}"
+            f"Values through {name} depend on the motion up to "
+            f"{engineering(filter_memory(name), 's')}"
             f" later, and the run ends at {engineering(history.time[-1], 's')}: those near the end"
             f" are not reliable. Simulate for {engineering(end, 's')}."
         )
         on_root(structure.comm, partial(warn, sentence, AccuracyWarning))
 
     # samples from the memory before the first time to that after the last
-    memory = memory_of(name)
+    memory = filter_memory(name)
     begin = max(times.min() - memory, 0.0)
     end = min(times.max() + memory, history.time[-1])
     of_modes = SAMPLES_OF_A_MODE * modes_of(history, body).omega.max(initial=0.0) / (2 * np.pi)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Completed, engineering, range_text
+from antiosc.base.texts import CompletedResult, engineering, range_text
 from antiosc.plot.charts import figure_or_path, new_figure
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ MOST_SAMPLES = 5_000_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ShockSpectrum(Completed):
+class ShockSpectrum(CompletedResult):
     """Extreme responses of oscillators to one signal, in its unit.
 
     Attributes

@@ -226,7 +226,7 @@ class Assembly:
 
     @property
     def B(self) -> Array:
-        """Modal displacements (J, P) of the columns of all bodies."""
+        """Displacements (J, P) of J modes at the P columns (sites, directions) of all bodies."""
         return self._stacked.B
 
     @property

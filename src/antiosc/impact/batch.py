@@ -144,7 +144,9 @@ def simulate_many(
         "gap": gap,
     }
     size = common_length({k: len(v) for k, v in arguments.items() if is_sequence(v)})
-    process.require(SCENE_BYTES * size, f"a batch of {size} scenes", "simulate it in several calls")
+    process.require_memory(
+        SCENE_BYTES * size, f"a batch of {size} scenes", "simulate it in several calls"
+    )
     columns = {k: list(v) if is_sequence(v) else [v] * size for k, v in arguments.items()}
     settings = Settings(DEFAULT_TOL if tol is None else tol, method, None, max_contacts, max_steps)
     movers = columns["impactors"]

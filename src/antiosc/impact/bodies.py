@@ -173,8 +173,8 @@ class Sphere(FieldsRepr, Body):
         )
 
         if mass is None:  # with a mass the radius may be that of a tip, and rho is no density
-            size = plausible.doubt("radius", radius, "the radius of the sphere")
-            density = plausible.doubt("density", self.rho, "the density of the sphere")
+            size = plausible.range_doubt("radius", radius, "the radius of the sphere")
+            density = plausible.range_doubt("density", self.rho, "the density of the sphere")
             plausible.warn_each([size, density])
 
     @property

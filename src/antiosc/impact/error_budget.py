@@ -25,7 +25,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering, percent
+from antiosc.base.texts import CELL_ARGUMENTS, capitalised, engineering, percent
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, YangSun
 from antiosc.engine.contact.peak_error import error_of_law, unknown_error, weakest_and_strongest
@@ -284,7 +284,7 @@ WITHOUT_MESH = "The mesh's error, and that of beams or shells in place of solids
 #: edge cuts the patch on a part thinner than its radius, which bends under it.
 UNRESOLVED = (
     "The mesh's error is not known: {} at the site measures {}, too much for this contact; take"
-    f" cells of at most {{}} there ({SMALLER_CELLS})."
+    f" cells of at most {{}} there ({CELL_ARGUMENTS})."
 )
 #: The laws of contacts at a point, whose patch is that of no flat face.
 AT_POINT = (Hertz, Gonthier, ElasticPlastic, YangSun)

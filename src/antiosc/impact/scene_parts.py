@@ -139,7 +139,7 @@ class Base(FieldsRepr):
 
 def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
     t = checks.nonempty(f"times of {name}", times)
-    if np.any(np.diff(t) < checks.SMALLEST):
+    if np.any(np.diff(t) < checks.MIN_MAGNITUDE):
         raise InputError(f"the times of {name} must ascend.")
     return t, checks.floats(f"values of {name}", values, None)
 

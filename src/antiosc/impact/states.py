@@ -216,7 +216,7 @@ def node_states(
     last = run.time.size // 2 if last is None else last
     size = system.omega.size
     nodes = 2 * (last - first) + 1
-    process.require(
+    process.require_memory(
         16 * nodes * size, f"the motion of {size} modes at {nodes} times", MEMORY_REMEDY
     )
     marched = system.marched.omega.size

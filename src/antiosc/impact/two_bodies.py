@@ -327,7 +327,7 @@ class _Workspace:
 
     def __init__(self, size: int) -> None:
         need = library.library.aom_batch_size(size)
-        process.require(need, f"an impact with {size} modes", "use fewer of them")
+        process.require_memory(need, f"an impact with {size} modes", "use fewer of them")
         self.memory = np.empty(-(-need // 16), dtype=np.complex128)
         node_count = max(library.library.aom_batch_nodes(size), _LEAST_NODES)
         self.time = np.empty(node_count)

@@ -23,7 +23,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableError
-from antiosc.base.texts import percent, piece_is_read
+from antiosc.base.texts import percent, piece_text
 from antiosc.io import facets
 from antiosc.io.conversion import known_kind, with_supported_kinds
 from antiosc.io.isolation import ELEMENTS_PER_TURN, Refinement, Request, checked_script
@@ -459,7 +459,7 @@ def _mesh_of_file(gmsh: ModuleType, request: Request, path: Path, suffix: str) -
     elif suffix in CAD_ENDINGS:
         count = len(gmsh.model.getEntities(3))
         if request.piece is not None and not request.fragments and count > 1:
-            notes = [piece_is_read(request.name, request.piece, count)]
+            notes = [piece_text(request.name, request.piece, count)]
         names = entity_names(gmsh, request, unit * request.unit[0])
     if request.outline:
         return _box_diagonals(gmsh, names, unit)

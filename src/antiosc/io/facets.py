@@ -15,7 +15,7 @@ import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray as AnyIntArray
 from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableError
-from antiosc.base.texts import piece_is_read
+from antiosc.base.texts import piece_text
 from antiosc.io.isolation import Request
 from antiosc.io.neutral import (
     FACETS,
@@ -306,7 +306,7 @@ def _surface_to_fill(request: Request) -> tuple[Surface, list[list[int]]]:
                 f"{request.name} has {len(bodies)} bodies; there is no piece {request.piece}."
             )
         if len(bodies) > 1:
-            surface.remarks.append(piece_is_read(request.name, request.piece, len(bodies)))
+            surface.remarks.append(piece_text(request.name, request.piece, len(bodies)))
         bodies = [_by_volume(surface, bodies)[request.piece - 1]]
     elif pierced and not request.by_ftetwild:
         raise UnmeshableError(f"the closed surfaces of {request.name} pierce each other.")

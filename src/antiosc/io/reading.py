@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MeshError, PiecesError, UnmeshableError
-from antiosc.base.texts import piece_is_read, printable
+from antiosc.base.texts import piece_text, printable
 from antiosc.io.by_gmsh import (
     CAD_ENDINGS,
     ENDINGS_WITH_UNIT,
@@ -354,7 +354,7 @@ def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
     raw = without_unused_nodes(replace(raw, cells=raw.cells[of_piece]))
     raw.groups = {name: parts for name, parts in raw.groups.items() if parts}
     if count > 1:
-        raw.remarks = [*raw.remarks, piece_is_read(name, piece, count)]
+        raw.remarks = [*raw.remarks, piece_text(name, piece, count)]
     return raw
 
 

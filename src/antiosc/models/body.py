@@ -30,7 +30,7 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
-from antiosc.base.texts import SMALLER_CELLS, ReprMixin, engineering, point_text
+from antiosc.base.texts import CELL_ARGUMENTS, ReprMixin, engineering, point_text
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.curvature import CURVED
 from antiosc.engine.contact.surfaces import Surface
@@ -407,7 +407,7 @@ def coarse_cell_warning(model: object, site: str, contact_time: float) -> str:
         f"The cell at {place} measures {engineering(cell.size, 'm')}, and the wave that a"
         f" contact of {engineering(contact_time, 's')} sends out {engineering(cell.wave, 'm')}:"
         " forces come out too large; take cells of at most"
-        f" {engineering(cell.allowed, 'm')} there ({SMALLER_CELLS})."
+        f" {engineering(cell.allowed, 'm')} there ({CELL_ARGUMENTS})."
     )
 
 
@@ -421,12 +421,12 @@ NO_RESULT = "the impact has no result"
 BEYOND_WALL = "the force exceeds that on a wall"
 #: Reason -> what leaves fewer doubtful sites.
 REMEDIES = {
-    CUT_PATCH: f"take a smaller radius of the patch, on cells not larger than it ({SMALLER_CELLS})",
+    CUT_PATCH: f"take a smaller radius of the patch, on cells not larger than it ({CELL_ARGUMENTS})",
     NEAR_SUPPORT: "hold the part elsewhere, or map another face",
     EDGE_STRUCK: "map one face (where)",
     NARROW_HOLLOW: "take a smaller striker",
     PIERCED_PART: "take a smaller striker",
-    BEYOND_WALL: f"take cells smaller than the radius of the patch ({SMALLER_CELLS})",
+    BEYOND_WALL: f"take cells smaller than the radius of the patch ({CELL_ARGUMENTS})",
 }
 
 

@@ -20,7 +20,7 @@ from antiosc.base import checks, files
 from antiosc.base._types import Array, ArrayLike, NDArray
 from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.base.packages import loading
-from antiosc.base.texts import engineering, percent, prefixed
+from antiosc.base.texts import engineering, percent, unit_prefix
 from antiosc.plot.model_picture import draw_model
 
 if TYPE_CHECKING:
@@ -154,13 +154,13 @@ def axes_or_new(ax: Axes | None) -> Axes:
 
 
 #: Kind of object that charts draw -> attributes that they read.
-ATTRIBUTES = {
+CHART_ATTRIBUTES = {
     "History": ("time", "force", "displacement", "indentation", "contacts", "cumulative_impulse"),
     "AntiOscillators": ("m0", "k0", "omega", "labels", "mass_shares", "dynamic_stiffness"),
 }
 
 
-def by_name(items: Any, kind: str) -> Mapping[str, Any]:
+def objects_by_name(items: Any, kind: str) -> Mapping[str, Any]:
     """Name -> object of the kind `kind`; a single object gets the name "". Else InputError."""
     objects = items if isinstance(items, Mapping) else {"": items}
     if not objects:
@@ -168,7 +168,7 @@ def by_name(items: Any, kind: str) -> Mapping[str, Any]:
 
     for drawn in objects.values():
         missing = {"type"} if isinstance(drawn, type) else set()
-        for name in ATTRIBUTES[kind]:
+        for name in CHART_ATTRIBUTES[kind]:
             try:
                 getattr(drawn, name)
             except AttributeError as error:
@@ -206,10 +206,10 @@ def legend(ax: Axes) -> Axes:
 #: Share of the impulse after the end of the time axis: weak contacts long afterwards.
 LATE_IMPULSE = 0.01
 #: Estimated relative error of a force from which it is drawn as a band.
-VISIBLE = 0.005
+VISIBLE_ERROR = 0.005
 
 
-def _error_of(hit: HistoryLike) -> tuple[float, str]:
+def _peak_error(hit: HistoryLike) -> tuple[float, str]:
     """(relative error of the largest force, its words), of the error budget if it is known."""
     budget = getattr(hit, "__dict__", {}).get("error_budget")
     if budget and not budget.no_bar and np.isfinite(total := max(budget.sides("peak_force"))):
@@ -224,19 +224,19 @@ def plot_force(hits: HistoryLike, ax: Axes | None = None) -> Axes:
     The time axis ends where 99 % of the impulse has been transferred. An estimated error of the
     peak of 0.5 % or more, of the error budget if that is known, is drawn as a band.
     """
-    runs = by_name(hits, "History")
+    runs = objects_by_name(hits, "History")
     ax = axes_or_new(ax)
     spans = [_contact_span(hit) for hit in runs.values()]
     start = min(s for s, _ in spans)
     end = max(e for _, e in spans)
-    factor, unit = prefixed(end, "s")
+    factor, unit = unit_prefix(end, "s")
 
     tops = [0.0]
     for (name, hit), width in zip(runs.items(), line_widths(runs), strict=True):
         (line,) = ax.plot(factor * hit.time, hit.force, label=name or None, lw=width)
-        error, words = _error_of(hit)
-        tops.append(hit.peak_force * (1 + min(error, 1.0) * (error >= VISIBLE)))
-        if error >= VISIBLE:
+        error, words = _peak_error(hit)
+        tops.append(hit.peak_force * (1 + min(error, 1.0) * (error >= VISIBLE_ERROR)))
+        if error >= VISIBLE_ERROR:
             bounds = (hit.force * (1 - error), hit.force * (1 + error))
             shade = {"color": line.get_color(), "alpha": 0.2, "lw": 0}
             label = words.format(f" ± {percent(error)}")
@@ -268,9 +268,9 @@ def plot_motion(hits: HistoryLike, ax: Axes | None = None) -> Axes:
     The dashed curve begins at the gap, so that the curves meet at the touch. The displacement axis
     covers the motion of the site, that of the other body during contact, and a stop at rest.
     """
-    runs = by_name(hits, "History")
+    runs = objects_by_name(hits, "History")
     ax = axes_or_new(ax)
-    factor, unit = prefixed(max(float(hit.time[-1]) for hit in runs.values()), "s")
+    factor, unit = unit_prefix(max(float(hit.time[-1]) for hit in runs.values()), "s")
     besides = [hit.displacement + hit.indentation for hit in runs.values()]
 
     curves = [hit.displacement for hit in runs.values()]
@@ -280,9 +280,9 @@ def plot_motion(hits: HistoryLike, ax: Axes | None = None) -> Axes:
         curves.append(neighbour[during])
 
     values = np.concatenate(curves)
-    long, length = prefixed(float(np.abs(values).max(initial=0.0)) or 1e-3, "m")
+    long, length = unit_prefix(float(np.abs(values).max(initial=0.0)) or 1e-3, "m")
     for (name, hit), neighbour, width in zip(runs.items(), besides, line_widths(runs), strict=True):
-        label, other_label = (name, None) if name else _names(hit)
+        label, other_label = (name, None) if name else _body_names(hit)
         (line,) = ax.plot(factor * hit.time, long * hit.displacement, lw=width, label=label)
         dashes = {"ls": "--", "lw": width, "color": line.get_color() if name else "C1"}
         ax.plot(factor * hit.time, long * neighbour, label=other_label, **dashes)
@@ -315,14 +315,14 @@ def plot_history(hits: HistoryLike, path: str | os.PathLike[str] | None = None) 
     -------
     matplotlib Figure, or `path` where it was given.
     """
-    runs = by_name(hits, "History")
+    runs = objects_by_name(hits, "History")
     figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)
     plot_force(runs, axes[0, 0])
     plot_motion(runs, axes[1, 0])
     return figure_or_path(figure, path)
 
 
-def _names(hit: HistoryLike) -> tuple[str, str]:
+def _body_names(hit: HistoryLike) -> tuple[str, str]:
     """The names of the bodies at the two ends of the contact."""
     contacts = getattr(hit, "contact_histories", ())
     first, second = contacts[0].ends if contacts else ("structure", "impactor")
@@ -353,10 +353,10 @@ def _mark_peak(ax: Axes, hit: HistoryLike, middle: float, factor: float) -> None
 
 
 #: Points of a dynamic stiffness between two neighbouring antiresonances, and in total.
-POINTS_BETWEEN = 160
-MOST_POINTS = 20_000
+POINTS_PER_INTERVAL = 160
+MAX_CURVE_POINTS = 20_000
 #: Lowest frequency of the picture of a model, over its first antiresonance.
-LOWEST = 0.2
+LOWEST_FREQUENCY = 0.2
 
 
 def plot_dynamic_stiffness(models: ModelLike, omega: ArrayLike, ax: Axes | None = None) -> Axes:
@@ -365,13 +365,13 @@ def plot_dynamic_stiffness(models: ModelLike, omega: ArrayLike, ax: Axes | None 
     `omega` [rad/s], (n,). A model of several sites has one curve for each entry of the matrix on
     and above its diagonal.
     """
-    models_by_name = by_name(models, "AntiOscillators")
+    models_by_name = objects_by_name(models, "AntiOscillators")
     ax = axes_or_new(ax)
 
     w = checks.floats("omega", omega, (None,))
     widths = line_widths(models_by_name)
     for (name, model), width in zip(models_by_name.items(), widths, strict=True):
-        for entry, stiffness in _entries(model, w):
+        for entry, stiffness in _stiffness_entries(model, w):
             label = ": ".join(filter(None, (name, entry)))
             ax.semilogy(w / (2 * np.pi), stiffness, lw=width, label=label or None)
 
@@ -380,7 +380,7 @@ def plot_dynamic_stiffness(models: ModelLike, omega: ArrayLike, ax: Axes | None 
     return legend(ax)
 
 
-def _entries(model: ModelLike, omega: Array) -> list[tuple[str, Array]]:
+def _stiffness_entries(model: ModelLike, omega: Array) -> list[tuple[str, Array]]:
     """Names and absolute values (n,) of the entries of Z on and above the diagonal."""
     Z = np.abs(model.dynamic_stiffness(omega))
     names = model.labels
@@ -400,7 +400,7 @@ def plot_masses(model: ModelLike, ax: Axes | None = None) -> Axes:
 
     For several sites it is their mean share (`AntiOscillators.mass_shares`).
     """
-    _with_anti_oscillators(model)
+    _require_anti_oscillators(model)
     ax = axes_or_new(ax)
     number = np.arange(1, model.n + 1)
     ax.bar(number, model.mass_shares, label="each")
@@ -419,15 +419,15 @@ def plot_model(model: ModelLike, path: str | os.PathLike[str] | None = None) -> 
     The first picture is drawn for one site. `path` and the result as for `plot_history`.
     InputError for a model without anti-oscillators.
     """
-    _with_anti_oscillators(model)
+    _require_anti_oscillators(model)
     one = np.ndim(model.k0) == 0
     figure, axes = panels(2 + one, 1, size=(7.0, 5.0 + 3.2 * one), shown=path is None)
     if one:
         draw_model(axes[0, 0], model.m0, model.k0, model.m, model.omega)
 
-    ends = LOWEST * model.omega[0], 1.1 * model.omega[-1]
+    ends = LOWEST_FREQUENCY * model.omega[0], 1.1 * model.omega[-1]
     edges = np.unique(np.concatenate((ends, model.omega)))
-    count = max(2, min(POINTS_BETWEEN, MOST_POINTS // edges.size))
+    count = max(2, min(POINTS_PER_INTERVAL, MAX_CURVE_POINTS // edges.size))
 
     # denser near the ends, where the poles are
     share = (1 - np.cos(np.pi * np.arange(1, count) / count)) / 2
@@ -439,7 +439,7 @@ def plot_model(model: ModelLike, path: str | os.PathLike[str] | None = None) -> 
     return figure_or_path(figure, path)
 
 
-def _with_anti_oscillators(model: ModelLike) -> None:
-    by_name(model, "AntiOscillators")
+def _require_anti_oscillators(model: ModelLike) -> None:
+    objects_by_name(model, "AntiOscillators")
     if model.n == 0:
         raise InputError("this model has no anti-oscillator whose mass could be drawn.")

@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 
 #: Colour of what has no value to be trusted.
-GREY = "0.75"
+NO_VALUE_COLOUR = "0.75"
 #: Direction of the light, and the darkest shade.
-LIGHT = np.array([0.5, -0.4, 0.77])
-DARK = 0.62
+LIGHT_DIRECTION = np.array([0.5, -0.4, 0.77])
+DARKEST_SHADE = 0.62
 
 #: A side shorter than this share of the longest one has no ticks: their numbers would overlap.
-SHORT_SIDE = 0.1
+MIN_TICK_RATIO = 0.1
 
 
 def axes_in_space(points: Array, shown: bool) -> tuple[Figure, Axes3D, float, str]:
@@ -43,20 +43,22 @@ def draw_faces(
     value: Array,
     label: str,
     scale: ScalarMappable,
-    dark: float = DARK,
+    darkest_shade: float = DARKEST_SHADE,
     outlined: BoolArray | None = None,
 ) -> None:
     """Faces (F, 3 or 4, 3) coloured by `value` (F,); white where `outlined`.
 
-    A colour scale is drawn if there is a `label`; `dark`: factor on the colour of faces that are
-    parallel to the light.
+    A colour scale is drawn if there is a `label`; `darkest_shade`: factor on the colour of faces
+    that are parallel to the light.
     """
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
     colours = scale.to_rgba(value)
-    colours[:, :3] *= (dark + (1 - dark) * np.abs(normal @ LIGHT) / length)[:, None]
+    colours[:, :3] *= (
+        darkest_shade + (1 - darkest_shade) * np.abs(normal @ LIGHT_DIRECTION) / length
+    )[:, None]
 
     # an edge of the face's own colour hides the background between two faces
     edges = colours.copy()
@@ -91,7 +93,7 @@ def colour_scale(value: Array) -> ScalarMappable:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    colours = colormaps["viridis"].with_extremes(bad=GREY)
+    colours = colormaps["viridis"].with_extremes(bad=NO_VALUE_COLOUR)
     return ScalarMappable(Normalize(np.nanmin(value), np.nanmax(value)), colours)
 
 
@@ -101,7 +103,7 @@ def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
     high = x.max(axis=0)
     side = np.maximum(high - low, 0.05 * max(float(np.ptp(x, axis=0).max()), 1e-12))
 
-    is_short = side < SHORT_SIDE * side.max()
+    is_short = side < MIN_TICK_RATIO * side.max()
     for name, middle, length, hidden in zip("xyz", (low + high) / 2, side, is_short, strict=True):
         getattr(axes, f"set_{name}lim")(middle - length / 2, middle + length / 2)
         axis = getattr(axes, f"{name}axis")
@@ -115,30 +117,34 @@ def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
 
 
 #: Motions are drawn this share of the part's largest dimension.
-ENLARGED = 0.08
+ENLARGED_SHARE = 0.08
 
 
 @dataclass(frozen=True, eq=False)
-class Deformed:
+class DeformedSurface:
     """A deformed surface at one time."""
 
     #: points, moved: (P, 3) [m], at rest and with displacements drawn larger
     points: Array
-    moved: Array
+    displacements: Array
     faces: IntArray  # (F, 3 or 4) indices of corners; (F, 2) of lines, (F, 1) of points
     values: Array  # (P,) magnitude of the displacements, in the unit that `label` states
     label: str  # label of the values, with the magnification of the displacements; "": no scale
     largest: float  # largest value at all times
 
     @classmethod
-    def of(cls, points: Array, faces: IntArray, moved: Array, largest: float) -> Deformed:
+    def from_displacements(
+        cls, points: Array, faces: IntArray, displacements: Array, largest: float
+    ) -> DeformedSurface:
         """The surface with displacements (P, 3) [m], magnified according to the largest one [m]."""
         reference = largest or 1.0
         factor = magnification(points, largest)
         micro, unit = (1e6, "µm") if reference < 1e-3 else (1e3, "mm")
-        size = np.linalg.norm(moved, axis=1)
+        size = np.linalg.norm(displacements, axis=1)
         label = f"displacement ({unit}), drawn × {factor:g}"
-        return cls(points, points + factor * moved, faces, micro * size, label, micro * largest)
+        return cls(
+            points, points + factor * displacements, faces, micro * size, label, micro * largest
+        )
 
     def arrow(self, point: Array, direction: Array) -> Array:
         """Tail and tip (2, 3) [m] of an arrow along `direction` that ends at `point`."""
@@ -148,11 +154,11 @@ class Deformed:
 
 def magnification(points: Array, largest: float) -> float:
     """Magnification of the displacements in a picture, for a largest one [m]."""
-    return float(f"{ENLARGED * np.ptp(points, axis=0).max() / (largest or 1.0):.1g}")
+    return float(f"{ENLARGED_SHARE * np.ptp(points, axis=0).max() / (largest or 1.0):.1g}")
 
 
 def deformed_figure(
-    surface: Deformed,
+    surface: DeformedSurface,
     *,
     arrow: tuple[Array, Array] | None = None,
     view: Array | None = None,
@@ -166,7 +172,7 @@ def deformed_figure(
     mark : number of a point that gets a ring and its value.
     """
     figure, axes, scale, _ = axes_in_space(surface.points, shown)
-    corners = scale * surface.moved[surface.faces]
+    corners = scale * surface.displacements[surface.faces]
     values = surface.values[surface.faces].mean(axis=1)
     top = surface.largest if whole_scale or mark is not None else values
     colours = colour_scale(np.append(0.0, top))
@@ -182,7 +188,7 @@ def deformed_figure(
         framed.append(tail[None])
 
     if mark is not None:
-        x = scale * surface.moved[mark]
+        x = scale * surface.displacements[mark]
         axes.plot(*x[:, None], "o", ms=9, mfc="none", mec="C3", mew=2, zorder=9)
         axes.text(*x, f"  {surface.values[mark]:.3g}", color="C3", weight="bold", zorder=10)
     if view is not None:

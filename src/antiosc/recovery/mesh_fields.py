@@ -16,7 +16,12 @@ from scipy.sparse import csr_matrix
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import shown
 from antiosc.base.errors import InputError, name_list
-from antiosc.base.stresses import PAIRS, equivalent, length, tensors_of
+from antiosc.base.stresses import (
+    COMPONENT_AXES,
+    tensors_of_components,
+    vector_length,
+    von_mises_of_components,
+)
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.weak_form import Material
 from antiosc.fem.mesh.surface import kind_of_cells, volume_and_surface
@@ -106,7 +111,7 @@ def _at_nodes_of(
     X = part.mesh.geometry.reference_nodes
     places = np.repeat(cells, len(X)), np.tile(X, (len(cells), 1))
     tensors = evaluate(PointsInCells(part, shapes, *places, factors))
-    return np.stack([tensors[:, i, j] for i, j in PAIRS], axis=1)
+    return np.stack([tensors[:, i, j] for i, j in COMPONENT_AXES], axis=1)
 
 
 def stress_errors_of_part(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
@@ -132,7 +137,7 @@ def stress_errors_of_part(part: MeshedStructure, shapes: Array, factors: Array) 
     _join_ranks(part, slots, total, count, np.add)
     means = total[..., 0] / count[:, None]
     alone = (count == 1) | _is_fold(means[:, stresses.shape[2] :])
-    size = equivalent if part.kind.name == "solid" else length
+    size = von_mises_of_components if part.kind.name == "solid" else vector_length
     difference = size(stresses - means[slot_of, : stresses.shape[2]])
     elsewhere = np.where(alone[slot_of] & (count[slot_of] > 1), 0.0, difference)
     difference = np.where(alone[slot_of], elsewhere.max(axis=1, keepdims=True), difference)
@@ -172,7 +177,7 @@ def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> 
         for evaluate in evaluates:
             columns = _at_nodes_of(cells, part, shapes, evaluate)
             tensors = np.einsum("pck,pk->pc", columns, at_points)
-            sides.append(equivalent(tensors.reshape(-1, len(X), 6)))
+            sides.append(von_mises_of_components(tensors.reshape(-1, len(X), 6)))
         stresses[cells, :, 0] = np.max(sides, axis=0)
         normals[cells] = _products_of_normals(part, cells, X)
 
@@ -184,7 +189,7 @@ def _products_of_normals(part: MeshedStructure, cells: IntArray, X: Array) -> Ar
     _, J = part.mesh.geometry.at(np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
     normal = np.cross(J[:, :, 0], J[:, :, 1])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    products = [normal[:, i] * normal[:, j] for i, j in PAIRS]
+    products = [normal[:, i] * normal[:, j] for i, j in COMPONENT_AXES]
     return np.stack(products, axis=1).reshape(len(cells), len(X), 6)
 
 
@@ -197,7 +202,7 @@ def _is_fold(products: Array) -> BoolArray:
     """Mask (S,) of the nodes at folds, from mean products of normals (S, 6); (S, 0): none is."""
     if not products.shape[1]:
         return np.zeros(len(products), dtype=bool)
-    return np.asarray(np.linalg.eigvalsh(tensors_of(products))[:, -1] < FOLD_EIGENVALUE)
+    return np.asarray(np.linalg.eigvalsh(tensors_of_components(products))[:, -1] < FOLD_EIGENVALUE)
 
 
 def _join_ranks(
@@ -274,8 +279,8 @@ def _refuse_relaxing(structure: Structure, quantity: str) -> None:
     """InputError for stresses and section forces if a material relaxes."""
     if quantity in ("stress", "section_forces") and relaxes(structure):
         raise InputError(
-            f"the {quantity.replace('_', ' ')} of materials that relax (prony) is not computed:"
-            " probe the strain, or leave prony out."
+            f"the {quantity.replace('_', ' ')} of materials that relax (prony) is not "
+            "computed: probe the strain, or leave prony out."
         )
 
 

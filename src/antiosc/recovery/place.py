@@ -14,7 +14,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import point_text
 from antiosc.base.errors import InputError
-from antiosc.base.stresses import Strengths, Tensile
+from antiosc.base.stresses import Strengths, TensileStrength
 from antiosc.fem.elements import Layer, Section
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def on_outlines(sections: Sequence[Section], place: Place) -> list[Place]:
 
 
 #: A yield strength, what cracks in tension, or strengths of a ply; None: not known.
-AnyStrength: TypeAlias = float | Tensile | Strengths | None
+AnyStrength: TypeAlias = float | TensileStrength | Strengths | None
 
 
 class Origin(NamedTuple):
@@ -128,11 +128,18 @@ def layers_of(material: object) -> Sequence[Layer]:
 
 
 def strength_of(material: object, place: Place) -> AnyStrength:
-    """Strength of a material at a place: yield strength, `Tensile` or a layer's; None: unknown."""
+    """Strength of a material at a place: yield strength, `TensileStrength` or a layer's.
+
+    None: unknown.
+    """
     layers = layers_of(material)
     if not layers:
         tensile = getattr(material, "tensile", None)
-        return getattr(material, "yield_strength", None) if tensile is None else Tensile(*tensile)
+        return (
+            getattr(material, "yield_strength", None)
+            if tensile is None
+            else TensileStrength(*tensile)
+        )
     strength: Strengths | None = None if place.layer is None else layers[place.layer].strength
     return strength
 

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.base.stresses import PAIRS, tensors_of
+from antiosc.base.stresses import COMPONENT_AXES, tensors_of_components
 from antiosc.fem.elements import Layer, shear_stresses
 from antiosc.fem.elements.beam import Beam, height_directions
 from antiosc.fem.elements.shell import GivenSheet, Laminate, Sheet
@@ -41,9 +41,9 @@ def from_frame(local: Array, frame: Sequence[Array]) -> Array:
     return rotated_tensors(local, np.stack(list(frame), axis=2))
 
 
-def tensors_of_components(six: Array) -> Array:
-    """Tensors (P, 3, 3, columns) from their components (P, 6, columns) in the order of `PAIRS`."""
-    return np.moveaxis(tensors_of(np.moveaxis(six, 1, -1)), 1, -1)
+def column_tensors(six: Array) -> Array:
+    """Tensors (P, 3, 3, columns) from components (P, 6, columns), ordered by `COMPONENT_AXES`."""
+    return np.moveaxis(tensors_of_components(np.moveaxis(six, 1, -1)), 1, -1)
 
 
 class PointsInCells:
@@ -170,9 +170,11 @@ def solid_strain(at: PointsInCells, place: Place) -> Array:
 def solid_stress(at: PointsInCells, place: Place) -> Array:
     """Stress tensors (P, 3, 3, columns), Pa."""
     strains = solid_strain(at, Place())
-    engineering = np.stack([(1 if i == j else 2) * strains[:, i, j] for i, j in PAIRS], axis=1)
+    engineering = np.stack(
+        [(1 if i == j else 2) * strains[:, i, j] for i, j in COMPONENT_AXES], axis=1
+    )
     stresses = at.material_values(lambda solid: solid.voigt) @ engineering
-    return _in_material_axes(at, tensors_of_components(stresses), place)
+    return _in_material_axes(at, column_tensors(stresses), place)
 
 
 def solid_rotation(at: PointsInCells, place: Place) -> Array:
@@ -454,7 +456,7 @@ def sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stress
         half = 0.5
 
     shears = half * across[:, 1], half * across[:, 0], half * plane[:, 2]
-    result = tensors_of_components(np.stack([plane[:, 0], plane[:, 1], normal, *shears], axis=1))
+    result = column_tensors(np.stack([plane[:, 0], plane[:, 1], normal, *shears], axis=1))
     if not place.local:
         return from_frame(result, axes.frame(at))
     angle = sheet_values(lambda sheet, k, _: _layers(sheet)[k].angle)

@@ -16,7 +16,7 @@ from antiosc.base import files
 from antiosc.base._types import Array, BoolArray, Figure, IntArray
 from antiosc.base.checks import path as checked_path, store, whole
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Completed, engineering, point_text, range_text
+from antiosc.base.texts import CompletedResult, engineering, point_text, range_text
 from antiosc.engine.contact import ContactLaw
 from antiosc.fields.pictures import plot_map
 from antiosc.impact.from_rest import Force
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ImpactMap(Completed):
+class ImpactMap(CompletedResult):
     """Anti-oscillators and impacts over a surface, on every rank alike.
 
     Attributes

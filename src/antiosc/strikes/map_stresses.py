@@ -9,7 +9,7 @@ import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.progress import counting, doing
-from antiosc.base.stresses import DEVIATOR
+from antiosc.base.stresses import VON_MISES_ROOT
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.platform import on_root
 from antiosc.fem.structure.structure import Structure
@@ -114,7 +114,7 @@ def _stresses_of_shapes(structure: Structure, shapes: Array, places: list[Place]
     tensors: NodeTensors
     points, _, tensors = source(structure).tensors_at_nodes(structure, shapes, "stress", places)
     yields = [s if isinstance(s, float) else np.nan for s, _ in tensors.origins]
-    parts: Array = (DEVIATOR @ tensors.columns).astype("f4")
+    parts: Array = (VON_MISES_ROOT @ tensors.columns).astype("f4")
     return _ShapeStresses(parts, points[tensors.nodes], np.array(yields)[tensors.origin])
 
 

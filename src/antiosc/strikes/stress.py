@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from antiosc.base.errors import AntioscError, InputError, MeshError, without_warnings
-from antiosc.base.texts import engineering, percent, plain, point_text
+from antiosc.base.texts import engineering, percent, plain_number, point_text
 from antiosc.fem.mesh.finer import refined_near
 from antiosc.fem.platform import on_root
 from antiosc.fem.structure.structure import Structure
@@ -118,8 +118,8 @@ def closed(
                 cost += price(part.dofs)
                 if cost > MOST_COST:
                     why = (
-                        f"a further mesh of {plain(part.dofs)} dofs or more would bring the cost"
-                        f" above {MOST_COST:g} times that of the force"
+                        f"a further mesh of {plain_number(part.dofs)} dofs or more would "
+                        f"bring the cost above {MOST_COST:g} times that of the force"
                     )
                     break
                 again = struck(part)
@@ -136,8 +136,8 @@ def divided(structure: Structure, refine: Sequence[Refinement]) -> Structure:
     """A structure whose straight triangles or tetrahedra are bisected at places."""
     if structure.made_of is None:
         raise InputError(
-            "the cells of an assembly, and given matrices, stay as they are: give smaller cells"
-            " (refine or size) to its part there"
+            "the cells of an assembly, and given matrices, stay as they are: give smaller "
+            "cells (refine or size) to its part there"
         )
     mesh, material, options = structure.made_of
     return Structure(refined_near(mesh, refine), material, structure.supports, **options)
@@ -222,8 +222,9 @@ def _with_sentence(stressed: Stressed, hit: Any, tol: float) -> Stressed:
         low, high = bar(field)
         cells = sum(len(numbers) for _, numbers in field._cells)
         sentence = (
-            f"{stressed.rounds} of at most {MOST_ROUNDS} rounds of smaller cells, {cells} cells,"
-            f" {stressed.seconds:.0f} s: +{percent(high)} −{percent(low)} by the mesh{told}"
+            f"{stressed.rounds} of at most {MOST_ROUNDS} rounds of smaller cells, "
+            f"{cells} cells, {stressed.seconds:.0f} s: +{percent(high)} −{percent(low)} "
+            f"by the mesh{told}"
         )
         if stressed.why:
             sentence += f"; {_unknown_text(field)}, since {stressed.why}"
@@ -240,6 +241,6 @@ def _unknown_text(field: PeakField) -> str:
     k = int(upper.argmax())
 
     return (
-        f"cannot say above {engineering(least, field.unit)}: up to"
-        f" {engineering(float(upper[k]), field.unit)} at {point_text(field.points[k])}"
+        f"cannot say above {engineering(least, field.unit)}: up to "
+        f"{engineering(float(upper[k]), field.unit)} at {point_text(field.points[k])}"
     )

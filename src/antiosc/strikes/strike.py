@@ -27,7 +27,7 @@ from antiosc.base._types import Array
 from antiosc.base.clock import clock
 from antiosc.base.errors import InputError, RangeError, warnings_of_last
 from antiosc.base.process import MEMORY_SHARE, free_memory
-from antiosc.base.texts import percent, plain, rounded_up
+from antiosc.base.texts import percent, plain_number, rounded_up
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.elements.weak_form import Family
@@ -505,7 +505,10 @@ def _next_mesh(
     required_bytes = FACTOR_BYTES[dim] * (structure.dofs * growth) ** FACTOR_POWER[dim]
     free = free_memory()
     message = ""
-    cost = f"a mesh of about {plain(dofs)} dofs would meet it, in some {plain(seconds)} s more"
+    cost = (
+        f"a mesh of about {plain_number(dofs)} dofs would meet it, in some "
+        f"{plain_number(seconds)} s more"
+    )
     if limit is not None and expected > limit:
         message = f"Stopped before the limit of {limit:g} s: {cost}."
     elif required_bytes > MEMORY_SHARE * free:

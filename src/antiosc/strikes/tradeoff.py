@@ -25,7 +25,7 @@ from antiosc.base._types import Figure
 from antiosc.base.clock import uncounted_seconds
 from antiosc.base.errors import InputError, RangeError, warn, without_warnings
 from antiosc.base.progress import doing
-from antiosc.base.texts import Result, engineering, percent, plain
+from antiosc.base.texts import Result, engineering, percent, plain_number
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.petsc_algebra import uses_cells
 from antiosc.fem.linalg.solver import cost_of_factor
@@ -123,7 +123,11 @@ class TradeoffMember:
         return (
             *(self.method, self.family, engineering(self.size, "m"), f"{self.order}"),
             *(f"{self.dofs}", f"{self.n or '–'}", engineering(self.step, "s")),
-            *(plain(self.seconds, 3), plain(self.gigabytes), plain(self.peak_force, 4)),
+            *(
+                plain_number(self.seconds, 3),
+                plain_number(self.gigabytes),
+                plain_number(self.peak_force, 4),
+            ),
             *map(_percents, (self.force_bar, self.bar, self.difference)),
             "–" if math.isnan(self.proved) else _percents(self.proved),
         )
@@ -131,7 +135,7 @@ class TradeoffMember:
 
 def _percents(share: float) -> str:
     """A share in per cent for the table."""
-    return plain(100 * share)
+    return plain_number(100 * share)
 
 
 #: What errors are drawn over, and the labels of these axes.
@@ -190,7 +194,8 @@ class Tradeoff(Result):
         if not members:
             fastest = min(member.seconds for member in self.table)
             raise InputError(
-                f"no member takes at most {plain(limit, 3)} s, the fastest {plain(fastest, 3)} s."
+                f"no member takes at most {plain_number(limit, 3)} s, the fastest "
+                f"{plain_number(fastest, 3)} s."
             )
 
         return min(members, key=lambda one: one.bar)

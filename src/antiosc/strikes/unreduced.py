@@ -16,7 +16,7 @@ from antiosc.base import process
 from antiosc.base._types import Array
 from antiosc.base.clock import clock
 from antiosc.base.errors import AntioscError, InputError
-from antiosc.base.texts import plain
+from antiosc.base.texts import plain_number
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.stepping import Contacts, StepEnd
 from antiosc.fem.linalg.algebra import dot, multiply, sum_of
@@ -73,7 +73,10 @@ class Outcome(NamedTuple):
 
 
 def blow_of(structure: Structure, site: Site, hit: History, duration: float) -> Blow:
-    """The same impact as in the history of a raw model, unreduced; InputError if not linear."""
+    """The impact of `hit` on the unreduced structure.
+
+    `hit`: of the model without mesh correction; InputError if it is not linear.
+    """
     assembly = hit.assembly
     system = assembly.system
     part, ball = assembly.spans["structure"], assembly.spans["impactor"]
@@ -122,11 +125,11 @@ def outcome(
         expected += seconds_of_steps(entries_of(blow.structure), blow.steps)
         if expected > seconds:
             return (
-                f"{UNREDUCED}: not run, the forecast of {plain(expected)} s for"
+                f"{UNREDUCED}: not run, the forecast of {plain_number(expected)} s for"
                 f" {blow.structure.dofs} dofs and {blow.steps} steps exceeds"
                 f" compare = {seconds:g} s."
             )
-        report(f"{UNREDUCED}, about {plain(expected)} s")
+        report(f"{UNREDUCED}, about {plain_number(expected)} s")
         return newmark(blow)
     except AntioscError as error:
         return f"{UNREDUCED}: {str(error).rstrip('.')}."
@@ -136,7 +139,7 @@ def newmark(blow: Blow) -> Outcome:
     """Newmark's average acceleration of all dofs, the contact force implicit."""
     structure = blow.structure
     start_time = clock() - structure.seconds["assembly"]
-    process.require(
+    process.require_memory(
         FACTOR_ENTRY_BYTES * entries_of(structure), "a factor of K + 4 M/h²", "take a longer step"
     )
     h = blow.step

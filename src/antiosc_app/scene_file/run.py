@@ -14,9 +14,9 @@ import antiosc
 from antiosc.base import progress
 from antiosc.base.errors import (
     AntioscError,
-    by_weight,
     finite_element_packages,
     labelled,
+    sorted_by_weight,
     warn,
     warnings_to,
     without_warnings,
@@ -85,11 +85,11 @@ def collected_warnings(sentences: list[str]) -> Iterator[None]:
         with warnings_to(sentences.append):
             yield
     except AntioscError:
-        for sentence in by_weight(sentences):
+        for sentence in sorted_by_weight(sentences):
             progress.print_text(labelled(sentence), sys.stderr)
         raise
     finally:
-        sentences[:] = by_weight(sentences)
+        sentences[:] = sorted_by_weight(sentences)
 
 
 # -- ranks

@@ -216,7 +216,7 @@ PARAMETER_CHECKS: dict[str, Check] = {
     **dict.fromkeys(("duration", "step", "size", "radius", "height"), checks.positive),
     **dict.fromkeys(("band", "accuracy", "expansion"), checks.positive),
     "damping": lambda _, value: as_damping(value),
-    "filter": _choice_check("antiosc.base.cfc:CLASSES"),
+    "filter": _choice_check("antiosc.base.cfc:CLASS_FREQUENCIES"),
     "method": _choice_check("antiosc.impact.settings:METHODS"),
     "n": lambda name, value: value if value == "auto" else checks.whole(name, value, least=0),
     "quantity": _choice_check("antiosc.fields.probe:PROBED_QUANTITIES"),

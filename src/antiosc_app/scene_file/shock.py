@@ -11,7 +11,7 @@ import numpy as np
 import antiosc
 from antiosc import History, ShockSpectrum, Structure, resolved_frequency
 from antiosc.base._types import Array
-from antiosc.base.cfc import CLASSES, PASSED
+from antiosc.base.cfc import CLASS_FREQUENCIES, HALF_POWER_RATIO
 from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering, range_text
 
@@ -43,7 +43,7 @@ class ProbeShock(NamedTuple):
         It is unchanged if the filter passes none of its frequencies.
         """
         spectrum = self.spectra[name]
-        limit = np.inf if self.filter is None else PASSED * CLASSES[self.filter]
+        limit = np.inf if self.filter is None else HALF_POWER_RATIO * CLASS_FREQUENCIES[self.filter]
         beyond = spectrum.frequency > limit
         return np.where(beyond & ~beyond.all(), 0.0, spectrum.maximax)
 

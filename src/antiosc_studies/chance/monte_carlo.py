@@ -19,13 +19,13 @@ from antiosc.extension import QUANTILES, checked_levels
 BATCH_SIZE = 100
 #: First runs, computed before all others: if all of them fail alike, the study ends. Of runs of
 #: which a half fails, that is a chance of 0.1 %.
-FIRST_RUNS = 10
+MIN_RUNS_BEFORE_STOP = 10
 #: Most runs of a study.
-MOST_RUNS = 10_000_000
+MAX_RUNS = 10_000_000
 #: Results of an impact that are kept.
-QUANTITIES = ("peak_force", "impulse", "contact_time", "restitution")
+IMPACT_QUANTITIES = ("peak_force", "impulse", "contact_time", "restitution")
 #: Results of a run by name, or the message of its failure.
-Row = dict[str, float] | str
+RunResults = dict[str, float] | str
 
 
 def normal(mean: float, sigma: float | None = None, *, variation: float | None = None) -> Any:
@@ -68,7 +68,7 @@ def uniform(low: float, high: float) -> Any:
     return between(low, high - low)
 
 
-def checked(inputs: object) -> dict[str, Any]:
+def checked_inputs(inputs: object) -> dict[str, Any]:
     """The inputs of a study by name, distributions or sequences; InputError if not."""
     kind = 'a dict, such as {"velocity": normal(2.0, 0.1)}'
     by_name = dict(checks.instance("inputs", inputs, Mapping, kind))
@@ -90,7 +90,7 @@ def checked(inputs: object) -> dict[str, Any]:
     return by_name
 
 
-def draws(inputs: Mapping[str, Any], n: int, seed: int) -> dict[str, np.ndarray]:
+def input_draws(inputs: Mapping[str, Any], n: int, seed: int) -> dict[str, np.ndarray]:
     """`n` independent draws of each input: numbers, or indices into a sequence of values.
 
     Sites of an `ImpactMap` are drawn by their areas. Draw i of an input depends only on `seed`, on
@@ -101,7 +101,7 @@ def draws(inputs: Mapping[str, Any], n: int, seed: int) -> dict[str, np.ndarray]
     for stream, (name, distribution) in zip(streams, inputs.items(), strict=True):
         shares = np.random.default_rng(stream).random(n)
         if hasattr(distribution, "ppf"):
-            draws_by_name[name] = quantiles(name, distribution, shares)
+            draws_by_name[name] = input_quantiles(name, distribution, shares)
         else:
             of_map = isinstance(distribution, ImpactMap)
             weights = distribution.areas if of_map else np.ones(len(distribution))
@@ -111,7 +111,7 @@ def draws(inputs: Mapping[str, Any], n: int, seed: int) -> dict[str, np.ndarray]
     return draws_by_name
 
 
-def quantiles(name: str, distribution: Any, shares: np.ndarray) -> np.ndarray:
+def input_quantiles(name: str, distribution: Any, shares: np.ndarray) -> np.ndarray:
     """Quantiles (n,) of an input at `shares`; InputError if `ppf` returns invalid ones."""
     try:
         values = distribution.ppf(shares)
@@ -123,7 +123,7 @@ def quantiles(name: str, distribution: Any, shares: np.ndarray) -> np.ndarray:
     return checks.floats(f"what ppf of {name} returns", values, shares.shape)
 
 
-def value(distribution: Any, draw: Any) -> Any:
+def drawn_value(distribution: Any, draw: Any) -> Any:
     """The argument of the run function for one draw: a number, a listed value or a model."""
     if hasattr(distribution, "ppf"):
         return float(draw)
@@ -178,26 +178,28 @@ def monte_carlo(
         If all runs fail, or the first ten with one message.
     """
     checks.function("run", run, "a function of the inputs")
-    by_name = checked(inputs)
+    by_name = checked_inputs(inputs)
     levels = checked_levels(quantiles)
-    size = checks.whole("n", n, most=MOST_RUNS)
-    inputs_drawn = draws(by_name, size, checks.whole("seed", seed, least=0))
-    arguments = [_values(by_name, inputs_drawn, i) for i in range(size)]
-    rows: list[Row] = []
+    size = checks.whole("n", n, most=MAX_RUNS)
+    inputs_drawn = input_draws(by_name, size, checks.whole("seed", seed, least=0))
+    arguments = [_run_arguments(by_name, inputs_drawn, i) for i in range(size)]
+    rows: list[RunResults] = []
 
     with counting("runs", size) as report:
         while len(rows) < size:
-            rows += rows_of_runs(run, arguments[len(rows) :][: BATCH_SIZE if rows else FIRST_RUNS])
+            rows += rows_of_runs(
+                run, arguments[len(rows) :][: BATCH_SIZE if rows else MIN_RUNS_BEFORE_STOP]
+            )
             report(len(rows))
 
-            if len(rows) == FIRST_RUNS < size:
-                _refuse_if_alike(rows, size)
+            if len(rows) == MIN_RUNS_BEFORE_STOP < size:
+                _refuse_if_all_failed(rows, size)
 
-    sample = sample_of("runs", inputs_drawn, rows)
+    sample = sample_of_runs("runs", inputs_drawn, rows)
     return replace(sample, quantiles=levels)
 
 
-def _refuse_if_alike(first: list[Row], size: int) -> None:
+def _refuse_if_all_failed(first: list[RunResults], size: int) -> None:
     """AntioscError if all of the first of `size` runs have failed with one message."""
     if isinstance(first[0], str) and first.count(first[0]) == len(first):
         raise AntioscError(
@@ -206,14 +208,16 @@ def _refuse_if_alike(first: list[Row], size: int) -> None:
         )
 
 
-def _values(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> dict[str, Any]:
+def _run_arguments(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> dict[str, Any]:
     """The arguments of run `i` by name."""
-    return {name: value(distribution, drawn[name][i]) for name, distribution in inputs.items()}
+    return {
+        name: drawn_value(distribution, drawn[name][i]) for name, distribution in inputs.items()
+    }
 
 
-def rows_of_runs(run: Callable[..., Any], arguments: list[dict[str, Any]]) -> list[Row]:
+def rows_of_runs(run: Callable[..., Any], arguments: list[dict[str, Any]]) -> list[RunResults]:
     """Results of some runs; impacts that `run` returns as arguments go in one batch."""
-    rows: list[Row] = [""] * len(arguments)
+    rows: list[RunResults] = [""] * len(arguments)
     scenes: dict[int, tuple[object, ...]] = {}
 
     with without_warnings():
@@ -226,16 +230,16 @@ def rows_of_runs(run: Callable[..., Any], arguments: list[dict[str, Any]]) -> li
             if isinstance(outcome, tuple):
                 scenes[i] = outcome
             else:
-                rows[i] = _numbers(outcome)
+                rows[i] = _results_of(outcome)
         if scenes:
-            rows_of_scenes = _simulated(list(scenes.values()))
+            rows_of_scenes = _batch_results(list(scenes.values()))
             for i, row in zip(scenes, rows_of_scenes, strict=True):
                 rows[i] = row
 
     return rows
 
 
-def _simulated(scenes: list[tuple[object, ...]]) -> list[Row]:
+def _batch_results(scenes: list[tuple[object, ...]]) -> list[RunResults]:
     """Results of impacts (model, impactor, contact, duration), simulated as one batch."""
     if any(len(scene) != 4 for scene in scenes):
         raise InputError("a tuple that `run` returns must be (model, impactor, contact, duration).")
@@ -245,31 +249,31 @@ def _simulated(scenes: list[tuple[object, ...]]) -> list[Row]:
     except AntioscError as error:  # of one scene, or of all
         if len(scenes) == 1:
             return [str(error)]
-        return [r for s in scenes for r in _simulated([s])]
+        return [r for s in scenes for r in _batch_results([s])]
     return [
-        batch.failures.get(i) or {name: float(batch.values[name][i]) for name in QUANTITIES}
+        batch.failures.get(i) or {name: float(batch.values[name][i]) for name in IMPACT_QUANTITIES}
         for i in range(len(scenes))
     ]
 
 
-def _numbers(outcome: object) -> Row:
+def _results_of(outcome: object) -> RunResults:
     """The results of one run by name."""
     if isinstance(outcome, Mapping):
-        return {str(name): _result(str(name), value) for name, value in outcome.items()}
-    if all(hasattr(outcome, name) for name in QUANTITIES):
-        values = {name: getattr(outcome, name) for name in QUANTITIES}
+        return {str(name): _result_number(str(name), value) for name, value in outcome.items()}
+    if all(hasattr(outcome, name) for name in IMPACT_QUANTITIES):
+        values = {name: getattr(outcome, name) for name in IMPACT_QUANTITIES}
         return {name: np.nan if v is None else float(v) for name, v in values.items()}
-    return {"value": _result("what `run` returns", outcome)}
+    return {"value": _result_number("what `run` returns", outcome)}
 
 
-def _result(name: str, value: object) -> float:
+def _result_number(name: str, value: object) -> float:
     """A result as a float; NaN for None and for numbers that are not finite."""
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
         return np.nan
     return checks.number(name, value)
 
 
-def sample_of(what: str, drawn: dict[str, Array], rows: list[Row]) -> Many:
+def sample_of_runs(what: str, drawn: dict[str, Array], rows: list[RunResults]) -> Many:
     """The sample of all runs (or falls: `what`); warns of failures, AntioscError if all failed."""
     failed = {i: row for i, row in enumerate(rows) if isinstance(row, str)}
     if len(failed) == len(rows):

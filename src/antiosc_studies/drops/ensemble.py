@@ -15,7 +15,7 @@ from antiosc.base import checks
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.progress import counting
 from antiosc.base.texts import FieldsRepr
-from antiosc_studies.chance.monte_carlo import rows_of_runs, sample_of
+from antiosc_studies.chance.monte_carlo import rows_of_runs, sample_of_runs
 from antiosc_studies.drops.fall import fall_of, initial_state
 from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.floor import Setting
@@ -70,7 +70,7 @@ def tumbles(
             rows += rows_of_runs(partial(_tumble, draw), [{"seed": fall_seed}])
             report(len(rows))
 
-    sample = sample_of("falls", {}, rows)
+    sample = sample_of_runs("falls", {}, rows)
     values = {
         name: np.reshape([v for key, v in sample.values.items() if key.startswith(name)], (-1, n)).T
         for name in QUANTITIES

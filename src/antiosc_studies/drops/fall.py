@@ -15,10 +15,16 @@ from numpy.typing import ArrayLike
 from antiosc import PeakField, ShockSpectrum, peak_field, srs
 from antiosc.base import checks
 from antiosc.base._types import Array, Figure, IntArray
-from antiosc.base.cfc import CLASSES, SHOCK_FILTER, cfc_filter, memory_of, sampling_step
+from antiosc.base.cfc import (
+    CLASS_FREQUENCIES,
+    SHOCK_FILTER,
+    cfc_filter,
+    filter_memory,
+    sampling_step,
+)
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.materials import names, record
-from antiosc.base.texts import Result, engineering, exceeds, percent, plain
+from antiosc.base.texts import Result, engineering, exceeds, percent, plain_number
 from antiosc.io.isolation import Refinement
 from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.episode import Episode
@@ -193,7 +199,7 @@ class Fall(Result):
         memory = 0.0
         steps = [np.inf]
         if filter is not None:
-            memory = memory_of(filter)
+            memory = filter_memory(filter)
             steps = [sampling_step(filter)]
 
         begin = episodes[0].start.time - max(checks.nonnegative("before", before, "s"), memory)
@@ -235,7 +241,7 @@ class Fall(Result):
     @property
     def _lasting(self) -> float:
         """Time [s] up to which the motion is computed: its end plus the memory of the filters."""
-        return self.end.time + max(map(memory_of, CLASSES))
+        return self.end.time + max(map(filter_memory, CLASS_FREQUENCIES))
 
     def _point(self, at: At) -> tuple[Array, Array]:
         """Arm (3,) of a point from the centre of mass, and mode shapes (3, J) there."""
@@ -491,7 +497,8 @@ class Fall(Result):
             bar = f" ± {percent(by_force)} (the error of the force, which it follows)"
 
         return (
-            f"the centre of mass has at most {plain(peak.g, 3)} g{bar} through {SHOCK_FILTER}, in"
+            f"the centre of mass has at most {plain_number(peak.g, 3)} g{bar} through "
+            f"{SHOCK_FILTER}, in"
             f" impact {peak.impact + 1}: all forces over the mass, as of a rigid part; the g of a"
             " point of the part are those of an accelerometer there."
         )

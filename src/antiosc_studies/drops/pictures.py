@@ -11,7 +11,7 @@ import numpy as np
 
 from antiosc.base._types import Array, Figure, IntArray
 from antiosc.plot.charts import figure_or_path, new_figure
-from antiosc.plot.surfaces import LIGHT
+from antiosc.plot.surfaces import LIGHT_DIRECTION
 from antiosc_studies.drops.free_body import FreeBody, State
 
 #: Number of times at which heights are drawn.
@@ -89,7 +89,9 @@ def _posed(axes: Any, body: FreeBody, state: State) -> None:
     if len(triangles):
         corners = x[triangles]
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        shade = np.abs(normal @ LIGHT) / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
+        shade = np.abs(normal @ LIGHT_DIRECTION) / np.maximum(
+            np.linalg.norm(normal, axis=1), 1e-300
+        )
         colours = np.clip(np.outer(0.55 + 0.45 * shade, COLOUR), 0, 1)
         axes.add_collection3d(Poly3DCollection(corners, facecolors=colours))
     else:

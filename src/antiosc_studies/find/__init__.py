@@ -1,10 +1,10 @@
 """`find_impact`: the place and the strength of a blow from the signals of sensors.
 
 The structure's free modes give the model of every candidate place (`antiosc.strikes.impact_map`). A
-scan with half-sine pulses (`scan`) finds the places at which the search starts; a Gauss–Newton
-iteration in logarithms (`Search`) finds the blow. Model errors are unknowns of known size: a
-relative change of each natural frequency, and of each mode's share in each signal. The error bars
-contain them.
+scan with half-sine pulses (`scan_pulses`) finds the places at which the search starts; a
+Gauss–Newton iteration in logarithms (`Search`) finds the blow. Model errors are unknowns of known
+size: a relative change of each natural frequency, and of each mode's share in each signal. The
+error bars contain them.
 """
 
 from __future__ import annotations
@@ -31,9 +31,15 @@ from antiosc.models.free_modes import residual_parameters
 from antiosc.models.modal import as_damping
 from antiosc.plot.charts import figure_or_path, panels
 from antiosc.strikes.free_sites import BAND_FACTOR, FreeSites, Where, free_sites
-from antiosc_studies.find.forward import MapSurface, Model, has_stiffness
-from antiosc_studies.find.recording import Recording, Sensor, recording, sensor_shapes
-from antiosc_studies.find.search import POOR_CHI2, ProbableImpact, Scan, most_probable, scan
+from antiosc_studies.find.forward import MapSurface, SearchModel, has_stiffness
+from antiosc_studies.find.recording import Recording, Sensor, recording_of, sensor_shapes
+from antiosc_studies.find.search import (
+    POOR_CHI2,
+    ProbableImpact,
+    PulseScan,
+    most_probable_impacts,
+    scan_pulses,
+)
 
 #: Values of `FoundImpact.status`.
 FOUND = 0
@@ -164,36 +170,36 @@ class FoundImpact(Result):
 
 
 #: Quantities that may be unknown, besides the start.
-UNKNOWN = ("place", "mass", "velocity", "stiffness", "E")
+POSSIBLE_UNKNOWNS = ("place", "mass", "velocity", "stiffness", "E")
 #: Default number of free modes, if no band is given.
-MODES = 60
+DEFAULT_MODES = 60
 #: Initial stiffness of Hertz's law, if no law is given.
-STIFFNESS = 1e9
+INITIAL_STIFFNESS = 1e9
 #: Largest standard deviation of the logarithm of an unknown that counts as determined.
-DETERMINED = 0.3
+DETERMINED_LOG_SIGMA = 0.3
 #: Largest standard deviation of a determined place over the extent of the sites.
-DETERMINED_PLACE = 0.05
+DETERMINED_PLACE_RATIO = 0.05
 #: Half-width of a 95 % interval in standard deviations, by the dimension of the unknown.
-HALF_WIDTH = {0: 1.96, 1: 1.96, 2: 2.45}
+INTERVAL_HALF_WIDTHS = {0: 1.96, 1: 1.96, 2: 2.45}
 #: Standard deviation of a place by the interpolation between sites, over their spacing (from 17
 #: blows on two meshes).
-INTERPOLATION = 0.01
+INTERPOLATION_ERROR = 0.01
 #: Relative error common to all modes, over `shape_error`: it scales the force, and no signal shows
 #: it. Chosen by 64 blows on two meshes (benchmarks/find_impact.py).
-COMMON_ERROR = 0.25
+COMMON_MODE_ERROR = 0.25
 #: Two blows are equally probable if their costs differ by less than this times chi².
-AS_PROBABLE = 9.0
+EQUAL_COST_DIFFERENCE = 9.0
 
 
 @dataclass(frozen=True, eq=False)
-class Monitored:
+class MonitoredStructure:
     """A structure with sensors, prepared once for many searches."""
 
-    seen: FreeSites  # its sites in free modes
+    free_sites: FreeSites  # its sites in free modes
     #: rows, orders: (m, J) mode shapes at the sensors; (m,) orders of their time derivatives
-    rows: Array
-    orders: Array
-    r: Array  # (P,) residual compliances of the sites
+    sensor_shapes: Array
+    derivative_orders: Array
+    residual_compliances: Array  # (P,) residual compliances of the sites
     mass: float  # mass of the structure [kg]
 
 
@@ -285,7 +291,7 @@ def find_impact(
         contact = AUTO
 
     law = None if contact is None else on_plane(structure, impactor, contact)
-    names = _names(unknown, impactor, law)
+    names = _unknown_names(unknown, impactor, law)
     expected = (
         checks.tolerance(frequency_error, "frequency_error"),
         checks.tolerance(shape_error, "shape_error"),
@@ -293,12 +299,16 @@ def find_impact(
     if band is not None:
         band = checks.band(band)
 
-    recording(signals, sensors, rate, noise, band, np.inf)  # refused before the modes
-    monitored = prepared(structure, sensors, where, direction, radius, modes, band)
+    recording_of(signals, sensors, rate, noise, band, np.inf)  # refused before the modes
+    monitored = monitored_structure(structure, sensors, where, direction, radius, modes, band)
     prepared_at = time.perf_counter()
-    data = recording(signals, sensors, rate, noise, band, monitored.seen.omega[-1] / BAND_FACTOR)
+    data = recording_of(
+        signals, sensors, rate, noise, band, monitored.free_sites.omega[-1] / BAND_FACTOR
+    )
     with without_warnings():
-        result = found_in(monitored, data, names, impactor, law, as_damping(damping), expected)
+        result = impact_of_recording(
+            monitored, data, names, impactor, law, as_damping(damping), expected
+        )
 
     seconds = {"model": prepared_at - start_time, "search": time.perf_counter() - prepared_at}
     result = replace(result, info={**result.info, "seconds": seconds})
@@ -308,17 +318,18 @@ def find_impact(
     return result
 
 
-def _names(
+def _unknown_names(
     unknown: Sequence[str], impactor: RigidMass | None, contact: ContactLaw | None
 ) -> list[str]:
     """Checked names of the unknowns; InputError if a known value is missing."""
     if isinstance(unknown, str) or not isinstance(unknown, Sequence):
         raise InputError(
-            f"unknown must list names of {', '.join(UNKNOWN)}; got {checks.shown(unknown)}."
+            f"unknown must list names of {', '.join(POSSIBLE_UNKNOWNS)}; got "
+            f"{checks.shown(unknown)}."
         )
 
     for name in unknown:
-        checks.choice("unknown", name, UNKNOWN)
+        checks.choice("unknown", name, POSSIBLE_UNKNOWNS)
 
     if impactor is not None:
         checks.instance("impactor", impactor, RigidMass, "a RigidMass")
@@ -334,10 +345,10 @@ def _names(
             "unknown, or give Hertz(…)."
         )
 
-    return [name for name in UNKNOWN if name in unknown]
+    return [name for name in POSSIBLE_UNKNOWNS if name in unknown]
 
 
-def prepared(
+def monitored_structure(
     structure: Structure,
     sensors: Sequence[Sensor],
     where: Where,
@@ -345,13 +356,13 @@ def prepared(
     radius: float | None,
     modes: int | None,
     band: float | None,
-) -> Monitored:
+) -> MonitoredStructure:
     """The model of all sites and sensors; arguments as for `find_impact`."""
     matrices = with_parts(structure, "finding a blow needs a mesh: matrices have no points.")
     refuse_dampers(structure, "find_impact")
     if radius is not None:
         radius = checks.positive("radius", radius, "m")
-    count = MODES if modes is None and band is None else modes
+    count = DEFAULT_MODES if modes is None and band is None else modes
     with without_warnings():  # of patches that an edge cuts, at sites that were not struck
         sites = free_sites(structure, matrices, where, direction, radius, count, band)
     rows = np.array([sensor_shapes(sensor, structure, sites.phi) for sensor in sensors])
@@ -359,55 +370,61 @@ def prepared(
         sites.omega, sites.b, sites.compliance, sites.inertia, structure.shift
     )
     orders = np.array([sensor.derivative for sensor in sensors])
-    return Monitored(sites, rows, orders, r, structure.mass)
+    return MonitoredStructure(sites, rows, orders, r, structure.mass)
 
 
-def found_in(
-    monitored: Monitored,
-    data: Recording,
+def impact_of_recording(
+    monitored: MonitoredStructure,
+    recording: Recording,
     unknown: Sequence[str],
     impactor: RigidMass | None,
     contact: ContactLaw | None,
     damping: Damping | None,
-    expected: tuple[float, float],
+    relative_sigmas: tuple[float, float],
 ) -> FoundImpact:
     """The impact that explains a recording best, with its uncertainty.
 
     expected : relative standard deviations of natural frequencies, and of modes' shares.
     """
-    seen = monitored.seen
-    sites = monitored.seen.map_sites.sites
+    seen = monitored.free_sites
+    sites = monitored.free_sites.map_sites.sites
     if "place" not in unknown and len(sites) > 1:
         raise InputError(f"the place is not unknown: where gives {len(sites)} sites, not one.")
     omega = seen.omega
     decay = np.zeros(len(omega)) if damping is None else damping.decay(omega)
     elements = seen.map_sites.elements if "place" in unknown else seen.map_sites.elements[:0]
-    model = Model(
-        data,
+    model = SearchModel(
+        recording,
         MapSurface(sites.points, sites.directions, elements),
         omega,
         decay,
-        monitored.rows,
-        monitored.orders,
-        np.column_stack([seen.b, monitored.r, sites.local]),
+        monitored.sensor_shapes,
+        monitored.derivative_orders,
+        np.column_stack([seen.b, monitored.residual_compliances, sites.local]),
         sites.radii,
-        Hertz(STIFFNESS) if contact is None else contact,
+        Hertz(INITIAL_STIFFNESS) if contact is None else contact,
     )
     known_values = {"stiffness": getattr(model.law, "stiffness", 1.0)}
     if impactor is not None:
         known_values |= {"mass": impactor.mass, "velocity": impactor.velocity}
     known_values = {name: value for name, value in known_values.items() if name not in unknown}
-    scanned = scan(model, expected[0])
-    fits = most_probable(model, scanned, unknown, known_values, monitored.mass, *expected)
-    scale = COMMON_ERROR * expected[1] if {"mass", "velocity"} & set(unknown) else 0.0
-    return _result(model, scanned, fits, unknown, scale)
+    scanned = scan_pulses(model, relative_sigmas[0])
+    fits = most_probable_impacts(
+        model, scanned, unknown, known_values, monitored.mass, *relative_sigmas
+    )
+    scale = COMMON_MODE_ERROR * relative_sigmas[1] if {"mass", "velocity"} & set(unknown) else 0.0
+    return _found_impact(model, scanned, fits, unknown, scale)
 
 
 # -- the result
 
 
-def _result(
-    model: Model, scanned: Scan, fits: list[ProbableImpact], unknown: Sequence[str], scale: float
+def _found_impact(
+    model: SearchModel,
+    scanned: PulseScan,
+    fits: list[ProbableImpact],
+    unknown: Sequence[str],
+    model_error: float,
 ) -> FoundImpact:
     """The result from the best fits, the most probable first.
 
@@ -420,31 +437,31 @@ def _result(
     extent = float(np.ptp(model.surface.points, axis=0).max()) or 1.0
     limits = np.array(
         [
-            DETERMINED_PLACE * extent
+            DETERMINED_PLACE_RATIO * extent
             if name == "place"
             else blow.contact_time_estimate
             if name == "start"
-            else DETERMINED
-            for name in best.names
+            else DETERMINED_LOG_SIGMA
+            for name in best.unknown_names
         ]
     )
     scaled = best.covariance / limits / limits[:, None]
     rank = int(np.sum(np.linalg.eigvalsh(scaled) < 1))
-    bars = _bars(best, scale)
+    bars = _interval_half_widths(best, model_error)
     distance = max(3 * bars["place"], 0.05 * extent)
     other_places = [
         fit.blow.place
         for fit in fits[1:]
-        if fit.cost - best.cost < AS_PROBABLE * max(best.chi2, 1.0)
+        if fit.cost - best.cost < EQUAL_COST_DIFFERENCE * max(best.chi2, 1.0)
         and np.linalg.norm(fit.blow.place - blow.place) > distance
     ]
-    status, message = _verdict(best, rank, limits, other_places, data)
+    status, message = _status_and_message(best, rank, limits, other_places, data)
     t = data.time
     after_start = data.time >= blow.start
     force = np.zeros(len(t))
     force[after_start] = hit.force_at(np.minimum(t[after_start] - blow.start, hit.run.time[-1]))
-    stride = len(t) // max(len(data.compared), 1) or 1
-    gain = data.sigma / float(np.abs(data.filter.sum(axis=1)).max())
+    stride = len(t) // max(len(data.scaled_signals), 1) or 1
+    gain = data.noise_sigma / float(np.abs(data.filter_matrix.sum(axis=1)).max())
 
     return FoundImpact(
         place=blow.place,
@@ -463,43 +480,47 @@ def _result(
         history=hit,
         time=t,
         force=force,
-        compared_time=t[::stride][: len(data.compared)],
-        measured=data.compared * gain,
+        compared_time=t[::stride][: len(data.scaled_signals)],
+        measured=data.scaled_signals * gain,
         computed=best.signals * gain,
         band=data.band / (2 * np.pi),
         points=model.surface.points,
-        explained=scanned.explained,
+        explained=scanned.power_share,
         others=np.reshape(other_places, (-1, 3)),
         info={"sites": len(model.surface.points), "modes": len(model.omega)},
     )
 
 
-def _bars(fit: ProbableImpact, scale: float) -> dict[str, float]:
-    """Half-widths of 95 % intervals by name; `scale`: relative error of the whole model."""
+def _interval_half_widths(fit: ProbableImpact, model_error: float) -> dict[str, float]:
+    """Half-widths of 95 % intervals by name; `model_error`: relative error of the whole model."""
     variance = np.diag(fit.covariance)
-    of_place = np.array([name == "place" for name in fit.names])
+    of_place = np.array([name == "place" for name in fit.unknown_names])
     d = int(of_place.sum())
     place = fit.covariance[np.ix_(of_place, of_place)]
     bars = {"place": 0.0}
 
     if d:
-        interpolation = (INTERPOLATION * fit.chart.size) ** 2
+        interpolation = (INTERPOLATION_ERROR * fit.chart.size) ** 2
         widest = float(np.sqrt(np.linalg.eigvalsh(place)[-1] + interpolation))
-        bars["place"] = HALF_WIDTH[d] * widest
+        bars["place"] = INTERVAL_HALF_WIDTHS[d] * widest
 
-    for name, variance_of in zip(fit.names[d:], variance[d:], strict=True):
-        deviation = float(np.sqrt(variance_of + scale**2 * (name == "velocity")))
-        determined = name == "start" or deviation < DETERMINED
-        bars[name] = HALF_WIDTH[1] * deviation if determined else np.inf
+    for name, variance_of in zip(fit.unknown_names[d:], variance[d:], strict=True):
+        deviation = float(np.sqrt(variance_of + model_error**2 * (name == "velocity")))
+        determined = name == "start" or deviation < DETERMINED_LOG_SIGMA
+        bars[name] = INTERVAL_HALF_WIDTHS[1] * deviation if determined else np.inf
 
     for k, name in enumerate(("peak_force", "impulse")):
-        g = fit.gains[k]
-        bars[name] = HALF_WIDTH[1] * float(np.sqrt(g @ fit.covariance @ g + scale**2))
+        g = fit.strength_derivatives[k]
+        bars[name] = INTERVAL_HALF_WIDTHS[1] * float(
+            np.sqrt(g @ fit.covariance @ g + model_error**2)
+        )
 
-    return {name: bars.get(name, 0.0) for name in (*UNKNOWN, "start", "peak_force", "impulse")}
+    return {
+        name: bars.get(name, 0.0) for name in (*POSSIBLE_UNKNOWNS, "start", "peak_force", "impulse")
+    }
 
 
-def _verdict(
+def _status_and_message(
     fit: ProbableImpact, rank: int, limits: Array, others: list[Array], data: Recording
 ) -> tuple[int, str]:
     """(status, message) of a search.
@@ -523,7 +544,9 @@ def _verdict(
 
     if rank < count:
         deviations = np.sqrt(np.diag(fit.covariance))
-        free = [name for name, out in zip(fit.names, deviations > limits, strict=True) if out]
+        free = [
+            name for name, out in zip(fit.unknown_names, deviations > limits, strict=True) if out
+        ]
         params = ", ".join(dict.fromkeys(free)) or "a combination of them"
         return UNDETERMINED, (
             f"the signals determine {rank} of {count} unknowns; not told: {params}. Give what is"

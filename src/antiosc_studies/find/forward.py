@@ -15,21 +15,21 @@ from antiosc.models.body import ModalModel
 from antiosc_studies.find.recording import Recording
 
 #: Dimension of the surface -> number of sites from which a value is interpolated.
-NEIGHBOURS = {1: 7, 2: 24}
+NEIGHBOUR_COUNTS = {1: 7, 2: 24}
 #: Least cosine between the directions of two sites on one smooth surface.
-SAME_SIDE = 0.7
+MIN_SIDE_COSINE = 0.7
 #: Weight of the sum of barycentric coordinates over that of the distance.
-WEIGHT = 1e4
+BARYCENTRIC_WEIGHT = 1e4
 
 
 @dataclass(frozen=True, eq=False)
-class Chart:
+class LocalChart:
     """Local coordinates around a place, and the sites from which values are interpolated."""
 
     origin: Array  # (3,) [m]
     axes: Array  # (d, 3) unit tangents, d = 0 among given points
-    near: IntArray  # (K,) numbers of the sites
-    local: Array  # (K, d) their coordinates over `size` [m]
+    sites: IntArray  # (K,) numbers of the sites
+    site_coordinates: Array  # (K, d) their coordinates over `size` [m]
     size: float
 
     def weights(self, x: Array) -> Array:
@@ -41,9 +41,9 @@ class Chart:
         if not len(self.axes):
             return np.ones(1)
 
-        y = self.local
-        terms = _quadratics(y)
-        terms_at_x = _quadratics(x[None])[0]
+        y = self.site_coordinates
+        terms = _quadratic_monomials(y)
+        terms_at_x = _quadratic_monomials(x[None])[0]
         count, extra = terms.shape
         A = np.zeros((count + extra, count + extra))
         A[:count, :count] = np.linalg.norm(y[:, None] - y[None], axis=2) ** 3
@@ -54,7 +54,7 @@ class Chart:
         return np.asarray(np.linalg.lstsq(A, right, rcond=1e-12)[0][:count])
 
 
-def _quadratics(y: Array) -> Array:
+def _quadratic_monomials(y: Array) -> Array:
     """Monomials (K, .) of coordinates (K, d) up to degree 2."""
     products = [y[:, i] * y[:, j] for i in range(y.shape[1]) for j in range(i + 1)]
     return np.column_stack([np.ones(len(y)), y, *products])
@@ -86,21 +86,21 @@ class MapSurface:
         corners = self.points[self.elements[self._of[i]]]
         return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 
-    def chart(self, place: Array, site: int) -> Chart:
+    def chart(self, place: Array, site: int) -> LocalChart:
         """Local coordinates around a place (3,) near a site."""
         size = self.spacing(site)
         if size == 0.0:
-            return Chart(place, np.zeros((0, 3)), np.array([site]), np.zeros((1, 0)), 1.0)
+            return LocalChart(place, np.zeros((0, 3)), np.array([site]), np.zeros((1, 0)), 1.0)
 
-        count = NEIGHBOURS[self.dimension]
+        count = NEIGHBOUR_COUNTS[self.dimension]
         neighbours = np.atleast_1d(self._tree.query(place, min(3 * count, len(self.points)))[1])
-        neighbours = neighbours[self.directions[neighbours] @ self.directions[site] > SAME_SIDE][
-            :count
-        ]
+        neighbours = neighbours[
+            self.directions[neighbours] @ self.directions[site] > MIN_SIDE_COSINE
+        ][:count]
         offsets = self.points[neighbours[: min(9, len(neighbours))]] - self.points[site]
         axes = np.linalg.svd(offsets, full_matrices=False)[2][: self.dimension]
 
-        return Chart(
+        return LocalChart(
             place, axes, neighbours, (self.points[neighbours] - place) @ axes.T / size, size
         )
 
@@ -110,26 +110,30 @@ class MapSurface:
             return self.points[site], site
 
         neighbours = np.atleast_1d(self._tree.query(place, min(12, len(self.points)))[1])
-        neighbours = neighbours[self.directions[neighbours] @ self.directions[site] > SAME_SIDE]
+        neighbours = neighbours[
+            self.directions[neighbours] @ self.directions[site] > MIN_SIDE_COSINE
+        ]
         elements = [self._of[i] for i in neighbours]
         if not sum(map(len, elements)):
             return self.points[site], site
 
         candidates = self.elements[np.unique(np.concatenate(elements))]
-        feet = _feet(place, self.points[candidates])
+        feet = _nearest_points(place, self.points[candidates])
         best = int(np.argmin(np.linalg.norm(feet - place, axis=1)))
         corners = candidates[best]
         distances = np.linalg.norm(self.points[corners] - feet[best], axis=1)
         return feet[best], int(corners[np.argmin(distances)])
 
 
-def _feet(x: Array, corners: Array) -> Array:
+def _nearest_points(x: Array, corners: Array) -> Array:
     """Points (T, 3) of triangles (T, 3, 3) or segments (T, 2, 3) that are nearest to x (3,)."""
     offsets = corners - x
     size = float(np.linalg.norm(offsets, axis=2).max())
-    ones = np.full((*offsets.shape[:2], 1), WEIGHT * size)  # the weights of the corners add up to 1
+    ones = np.full(
+        (*offsets.shape[:2], 1), BARYCENTRIC_WEIGHT * size
+    )  # the weights of the corners add up to 1
     rows = np.concatenate((offsets, ones), axis=2).transpose(0, 2, 1)
-    weights = np.array([nnls(A, [0.0, 0.0, 0.0, WEIGHT * size])[0] for A in rows])
+    weights = np.array([nnls(A, [0.0, 0.0, 0.0, BARYCENTRIC_WEIGHT * size])[0] for A in rows])
     weights /= weights.sum(axis=1, keepdims=True)
 
     return x + np.asarray(np.einsum("tc,tcd->td", weights, offsets))
@@ -143,11 +147,11 @@ def has_stiffness(law: ContactLaw) -> bool:
 #: Number of steps in the expected contact time.
 STEPS_PER_CONTACT = 150
 #: Largest number of contacts of a blow.
-MOST_CONTACTS = 1000
+MAX_CONTACTS = 1000
 
 
 @dataclass(frozen=True, eq=False)
-class Blow:
+class CandidateImpact:
     """A candidate impact: the values of all unknowns."""
 
     place: Array  # (3,) [m]
@@ -159,22 +163,24 @@ class Blow:
     stiffness: float
     start: float  # time of the first touch after the first sample [s]
     contact_time_estimate: float  # expected contact time [s]
-    frequency: Array  # (J,) relative changes of the natural frequencies
-    share: Array  # (m, J) relative changes of the modes' shares in the signals
+    frequency_changes: Array  # (J,) relative changes of the natural frequencies
+    share_changes: Array  # (m, J) relative changes of the modes' shares in the signals
     E: float = 1.0  # factor of the stiffness of the whole structure
 
 
 @dataclass(frozen=True, eq=False)
-class Signals:
+class ComputedSignals:
     """Computed signals of an impact, filtered and divided by their noise, of m sensors."""
 
-    parts: Array  # (n', m, J) contribution of each mode, without `Blow.share`
+    modal_signals: (
+        Array  # (n', m, J) contribution of each mode, without `CandidateImpact.share_changes`
+    )
     signals: Array  # (n', m) the sum
     hit: History  # the impact
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class SearchModel:
     """The model of all candidate impacts: free modes, sites, sensors."""
 
     data: Recording
@@ -183,26 +189,26 @@ class Model:
     omega: Array
     decay: Array
     #: rows, orders: (m, J) mode shapes at the sensors; (m,) orders of their time derivatives
-    rows: Array
-    orders: Array
-    table: Array  # (P, J + 2) b, residual compliance and local compliance of the sites
+    sensor_shapes: Array
+    derivative_orders: Array
+    site_table: Array  # (P, J + 2) b, residual compliance and local compliance of the sites
     radius: Array
     law: ContactLaw
 
     @property
-    def exponent(self) -> float:
+    def law_exponent(self) -> float:
         """Exponent n of the law F = k d^n; 1.5 if the law has none."""
         if isinstance(self.law, Linear):
             return 1.0
         return float(getattr(self.law, "exponent", 1.5))
 
-    def modes_at(self, chart: Chart, x: Array) -> Array:
+    def modes_at(self, chart: LocalChart, x: Array) -> Array:
         """Modal values b, residual and local compliance (J + 2,) at coordinates x of a chart."""
-        return np.asarray(chart.weights(x) @ self.table[chart.near])
+        return np.asarray(chart.weights(x) @ self.site_table[chart.sites])
 
-    def hit(self, blow: Blow, site_data: Array) -> History:
+    def history_of(self, blow: CandidateImpact, site_data: Array) -> History:
         """The impact at a place with the data `site_data` (J + 2,) of `modes_at`."""
-        omega = self.omega * np.sqrt(blow.E) * (1 + blow.frequency)
+        omega = self.omega * np.sqrt(blow.E) * (1 + blow.frequency_changes)
         b = site_data[:-2]
         r, local = np.maximum(site_data[-2:], 0.0) / blow.E
         modes = ModalBody(omega, b, r=float(r), decay=self.decay)
@@ -215,23 +221,28 @@ class Model:
         end = len(self.data.values) * self.data.dt - blow.start
         step = min(blow.contact_time_estimate / STEPS_PER_CONTACT, end / 20)
         scene = Impact(body, RigidMass(blow.mass, blow.velocity), law, end)
-        return simulate_impact(scene, Settings(1e-4, step=step, max_contacts=MOST_CONTACTS))
+        return simulate_impact(scene, Settings(1e-4, step=step, max_contacts=MAX_CONTACTS))
 
-    def seen(self, blow: Blow, site_data: Array) -> Signals:
+    def computed_signals(self, blow: CandidateImpact, site_data: Array) -> ComputedSignals:
         """Computed signals of an impact at a place with the data `site_data` (J + 2,)."""
-        hit = self.hit(blow, site_data)
+        hit = self.history_of(blow, site_data)
         t = self.data.time - blow.start
         after_start = np.flatnonzero((t >= 0) & (t <= hit.run.time[-1]))
         J = len(self.omega)
-        omega = self.omega * np.sqrt(blow.E) * (1 + blow.frequency)
+        omega = self.omega * np.sqrt(blow.E) * (1 + blow.frequency_changes)
         q, v = (x[:, :J] for x in hit.states(t[after_start]))
         a = (
             hit.force_at(t[after_start])[:, None] * site_data[:J]
             - omega**2 * q
             - 2 * self.decay * v
         )
-        filter_columns = self.data.filter[:, after_start]
-        motions = {order: filter_columns @ (q, v, a)[order] for order in set(self.orders.tolist())}
-        rows = self.rows / self.data.sigma[:, None]
-        parts = np.stack([motions[k] * row for k, row in zip(self.orders, rows, strict=True)], 1)
-        return Signals(parts, np.sum(parts * (1 + blow.share), axis=2), hit)
+        filter_columns = self.data.filter_matrix[:, after_start]
+        motions = {
+            order: filter_columns @ (q, v, a)[order]
+            for order in set(self.derivative_orders.tolist())
+        }
+        rows = self.sensor_shapes / self.data.noise_sigma[:, None]
+        parts = np.stack(
+            [motions[k] * row for k, row in zip(self.derivative_orders, rows, strict=True)], 1
+        )
+        return ComputedSignals(parts, np.sum(parts * (1 + blow.share_changes), axis=2), hit)

@@ -21,12 +21,12 @@ from antiosc.base.files import check_readable
 from antiosc.base.texts import FieldsRepr
 from antiosc.extension import Reach, place, source
 from antiosc.reduce.site.site import located_point
-from antiosc_studies.measured.tables import MOTIONS, STRAINS, TIMES, table
+from antiosc_studies.measured.tables import MOTION_UNITS, STRAIN_UNITS, TIME_UNITS, columns_of_table
 
 #: Quantity of a sensor -> order of the time derivative of displacement.
-DERIVATIVE = {"displacement": 0, "velocity": 1, "acceleration": 2, "strain": 0}
+DERIVATIVE_ORDERS = {"displacement": 0, "velocity": 1, "acceleration": 2, "strain": 0}
 #: Number of Gauss–Legendre points along a strain gauge.
-GAUGE_POINTS = 6
+GAUGE_POINT_COUNT = 6
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Sensor(FieldsRepr):
     part: str | None = None
 
     def __post_init__(self) -> None:
-        checks.choice("quantity", self.quantity, tuple(DERIVATIVE))
+        checks.choice("quantity", self.quantity, tuple(DERIVATIVE_ORDERS))
         if isinstance(self.point, str):
             checks.text("point", self.point)
         else:
@@ -78,7 +78,7 @@ class Sensor(FieldsRepr):
     @property
     def derivative(self) -> int:
         """Order of the time derivative of displacement that the sensor measures."""
-        return DERIVATIVE[self.quantity]
+        return DERIVATIVE_ORDERS[self.quantity]
 
 
 def sensor_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
@@ -98,7 +98,7 @@ def sensor_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
     nodes = np.zeros(1)
     weights = np.full(1, 2.0)
     if sensor.length is not None:
-        nodes, weights = np.polynomial.legendre.leggauss(GAUGE_POINTS)
+        nodes, weights = np.polynomial.legendre.leggauss(GAUGE_POINT_COUNT)
 
     points = x + np.outer(nodes, d) * (sensor.length or 0.0) / 2
     surface_place = place(sensor.surface, None, (0.0, 0.0), "global")
@@ -107,28 +107,28 @@ def sensor_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
 
 
 #: Units of a sensor's quantity, with factors to SI.
-UNITS = {
-    "displacement": MOTIONS["receptance"],
-    "velocity": MOTIONS["mobility"],
-    "acceleration": MOTIONS["accelerance"],
-    "strain": STRAINS,
+SENSOR_UNITS = {
+    "displacement": MOTION_UNITS["receptance"],
+    "velocity": MOTION_UNITS["mobility"],
+    "acceleration": MOTION_UNITS["accelerance"],
+    "strain": STRAIN_UNITS,
 }
 #: Least number of samples.
-FEWEST = 32
+MIN_SAMPLES = 32
 #: Largest number of values of all signals.
-MOST_VALUES = 200_000
+MAX_SIGNAL_VALUES = 200_000
 #: Share of a signal's power above the noise that its band contains.
-IN_BAND = 0.995
+BAND_POWER_SHARE = 0.995
 #: Largest relative deviation of a table's time steps.
-UNEVEN = 0.01
+MAX_STEP_DEVIATION = 0.01
 #: Least highest frequency of the band over the inverse of the record's length.
-PERIODS = 4
+MIN_BAND_PERIODS = 4
 #: Width of the filter's transition over its band.
-TRANSITION = 0.3
+TRANSITION_WIDTH = 0.3
 #: Attenuation of the filter [dB]: to 0.1 %, the least noise of a signal.
-ATTENUATION = 60.0
+FILTER_ATTENUATION = 60.0
 #: Least noise of a signal over its root mean square.
-LEAST_NOISE = 1e-3
+MIN_RELATIVE_NOISE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,10 +137,10 @@ class Recording:
 
     values: Array  # (n, m)
     dt: float  # sampling interval [s]
-    sigma: Array  # (m,) standard deviation of the noise of a sample
+    noise_sigma: Array  # (m,) standard deviation of the noise of a sample
     band: float  # circular frequency (rad/s) up to which they are compared
     #: (n', n) low-pass filter with decimation; it preserves a sample's noise level
-    filter: scipy.sparse.csr_matrix
+    filter_matrix: scipy.sparse.csr_matrix
 
     @property
     def time(self) -> Array:
@@ -153,23 +153,23 @@ class Recording:
         return self.dt * len(self.values)
 
     @cached_property
-    def compared(self) -> Array:
+    def scaled_signals(self) -> Array:
         """(n', m) the filtered signals divided by their noise."""
-        return np.asarray(self.filter @ (self.values / self.sigma))
+        return np.asarray(self.filter_matrix @ (self.values / self.noise_sigma))
 
 
-def recording(
+def recording_of(
     signals: ArrayLike | str | os.PathLike[str],
     sensors: Sequence[Sensor],
     rate: float | None,
     noise: ArrayLike | None,
     band: float | None,
-    most: float,
+    max_band: float,
 ) -> Recording:
     """Checked signals (n, m) of m sensors with their noise and band; InputError if unsound."""
     count = len(sensors)
     if isinstance(signals, str | os.PathLike):
-        signals, rate = _read(checks.path("signals", signals), sensors, rate)
+        signals, rate = _signals_of_table(checks.path("signals", signals), sensors, rate)
     rate = checks.positive("rate", rate, "Hz")
     values = checks.floats("signals", signals, None)
     if values.ndim == 1 and count == 1:
@@ -180,25 +180,27 @@ def recording(
             f"signals must have one column for each of the {count} sensors; got shape"
             f" {values.shape}."
         )
-    if len(values) < FEWEST or values.size > MOST_VALUES:
+    if len(values) < MIN_SAMPLES or values.size > MAX_SIGNAL_VALUES:
         raise InputError(
-            f"signals need {FEWEST} samples or more, and at most {MOST_VALUES} values; got"
+            f"signals need {MIN_SAMPLES} samples or more, and at most {MAX_SIGNAL_VALUES} "
+            "values; got"
             f" {len(values)} of {count} sensors: cut them to the time of the blow."
         )
 
     size = np.sqrt(np.mean(values**2, axis=0))
     if np.any(size == 0):
         raise InputError(f"the signal of sensor {int(np.argmin(size))} is zero throughout.")
-    lowest = PERIODS * rate / len(values)
+    lowest = MIN_BAND_PERIODS * rate / len(values)
     if band is not None and not lowest <= band / (2 * np.pi) <= rate / 2:
         raise InputError(
-            f"band must hold {PERIODS} periods of the record, {lowest:.4g} Hz, and end at half the"
+            f"band must hold {MIN_BAND_PERIODS} periods of the record, {lowest:.4g} Hz, and "
+            "end at half the"
             f" rate, {rate / 2:.4g} Hz; got {band / (2 * np.pi):.4g} Hz."
         )
 
-    top = min(most, _band(values, rate), np.pi * rate) if band is None else band
+    top = min(max_band, _signal_band(values, rate), np.pi * rate) if band is None else band
     if noise is None:
-        sigma = np.maximum(_noise(values, rate, top), LEAST_NOISE * size)
+        sigma = np.maximum(_noise_sigma(values, rate, top), MIN_RELATIVE_NOISE * size)
     else:
         sigma = checks.positives("noise", noise)
         if sigma.size not in (1, count):
@@ -208,41 +210,47 @@ def recording(
             )
         sigma = np.broadcast_to(sigma, (count,))
 
-    return Recording(values, 1 / rate, sigma, top, _low_pass(len(values), top / (np.pi * rate)))
+    return Recording(
+        values, 1 / rate, sigma, top, _low_pass_matrix(len(values), top / (np.pi * rate))
+    )
 
 
-def _read(path: Path, sensors: Sequence[Sensor], rate: float | None) -> tuple[Array, float | None]:
+def _signals_of_table(
+    path: Path, sensors: Sequence[Sensor], rate: float | None
+) -> tuple[Array, float | None]:
     """The signals of a table, and their sampling rate if its first column contains times."""
     check_readable(path, "the signals")
-    table_columns = table(path)
+    table_columns = columns_of_table(path)
     timed = len(table_columns) == len(sensors) + 1
 
     signals = table_columns[1:] if timed else table_columns
     if len(signals) == len(sensors):
         pairs = zip(signals, sensors, strict=True)
-        values = np.column_stack([column.in_si(UNITS[sensor.quantity]) for column, sensor in pairs])
+        values = np.column_stack(
+            [column.in_si(SENSOR_UNITS[sensor.quantity]) for column, sensor in pairs]
+        )
     else:
         values = np.column_stack([column.values for column in signals])  # refused by its shape
 
     if not timed:
         return values, rate
-    t = table_columns[0].in_si(TIMES)
-    if len(t) < FEWEST:
-        raise InputError(f"{path.name} has {len(t)} samples; {FEWEST} or more are needed.")
+    t = table_columns[0].in_si(TIME_UNITS)
+    if len(t) < MIN_SAMPLES:
+        raise InputError(f"{path.name} has {len(t)} samples; {MIN_SAMPLES} or more are needed.")
     step = (t[-1] - t[0]) / (len(t) - 1)
-    if not step > 0 or np.abs(np.diff(t) - step).max() > UNEVEN * step:
+    if not step > 0 or np.abs(np.diff(t) - step).max() > MAX_STEP_DEVIATION * step:
         raise InputError(f"the times in the first column of {path.name} do not ascend in one step.")
     return values, 1 / step
 
 
-def _low_pass(n: int, top: float) -> scipy.sparse.csr_matrix:
+def _low_pass_matrix(n: int, top: float) -> scipy.sparse.csr_matrix:
     """Filter matrix (n', n) that keeps frequencies up to `top` times the highest frequency."""
-    if top * (1 + TRANSITION) >= 1:
+    if top * (1 + TRANSITION_WIDTH) >= 1:
         return scipy.sparse.identity(n, format="csr")
-    taps, beta = signal.kaiserord(ATTENUATION, TRANSITION * top)
-    kernel = signal.firwin(taps | 1, (1 + TRANSITION / 2) * top, window=("kaiser", beta))
+    taps, beta = signal.kaiserord(FILTER_ATTENUATION, TRANSITION_WIDTH * top)
+    kernel = signal.firwin(taps | 1, (1 + TRANSITION_WIDTH / 2) * top, window=("kaiser", beta))
     kernel /= np.linalg.norm(kernel)
-    stride = int(1 / ((1 + TRANSITION) * top))
+    stride = int(1 / ((1 + TRANSITION_WIDTH) * top))
     half = len(kernel) // 2
     offsets = np.arange(-half, half + 1)
     in_window = np.abs(offsets) < n
@@ -250,26 +258,28 @@ def _low_pass(n: int, top: float) -> scipy.sparse.csr_matrix:
     return all_rows[::stride]
 
 
-def _spectrum(values: Array, rate: float) -> tuple[Array, Array]:
+def _power_spectrum(values: Array, rate: float) -> tuple[Array, Array]:
     """Circular frequencies (F,), and the power spectrum (F, m) of each signal."""
     window = signal.windows.hann(len(values))[:, None]
     power = np.abs(np.fft.rfft(values * window, axis=0)) ** 2 / np.sum(window**2)
     return 2 * np.pi * np.fft.rfftfreq(len(values), 1 / rate), power
 
 
-def _band(values: Array, rate: float) -> float:
+def _signal_band(values: Array, rate: float) -> float:
     """Frequency [rad/s] above which no signal exceeds its noise."""
-    w, power = _spectrum(values, rate)
+    w, power = _power_spectrum(values, rate)
     floor = np.median(power[-len(w) // 4 :], axis=0) / np.log(2)
     excess_power = np.cumsum(power - floor, axis=0)
-    ends = [w[np.argmax(spectrum > IN_BAND * spectrum.max())] for spectrum in excess_power.T]
-    return float(max(max(ends), w[PERIODS]))
+    ends = [
+        w[np.argmax(spectrum > BAND_POWER_SHARE * spectrum.max())] for spectrum in excess_power.T
+    ]
+    return float(max(max(ends), w[MIN_BAND_PERIODS]))
 
 
-def _noise(values: Array, rate: float, band: float) -> Array:
+def _noise_sigma(values: Array, rate: float, band: float) -> Array:
     """Standard deviations (m,) of the noise of one sample, from the spectrum above the band."""
-    w, power = _spectrum(values, rate)
-    noise_band = w > (1 + TRANSITION) * band
-    if np.count_nonzero(noise_band) < FEWEST // 4:
+    w, power = _power_spectrum(values, rate)
+    noise_band = w > (1 + TRANSITION_WIDTH) * band
+    if np.count_nonzero(noise_band) < MIN_SAMPLES // 4:
         noise_band = w > w[-len(w) // 4]
     return np.sqrt(np.median(power[noise_band], axis=0) / np.log(2))

@@ -1,12 +1,12 @@
 """From pulses at all sites to the most probable blows, by Gauss-Newton from the best ones.
 
-`scan` finds for all sites at once the half-sine pulse whose signals are nearest to the measured
-ones. In the free modes the signal of sensor s is sum_j s_sj b_j g_j(t - t0), g_j being the response
-of mode j to a pulse. For each duration of the pulse the best amplitude is in closed form; the
-products of the measured signals with all delayed g_j come from one Fourier transform, and are the
-same for all sites. The frequencies of the model have errors: the response of mode j is multiplied
-by the mean of its phase factor, exp(-(e w_j t)²/2) for frequencies of relative standard deviation
-e.
+`scan_pulses` finds for all sites at once the half-sine pulse whose signals are nearest to the
+measured ones. In the free modes the signal of sensor s is sum_j s_sj b_j g_j(t - t0), g_j being the
+response of mode j to a pulse. For each duration of the pulse the best amplitude is in closed form;
+the products of the measured signals with all delayed g_j come from one Fourier transform, and are
+the same for all sites. The frequencies of the model have errors: the response of mode j is
+multiplied by the mean of its phase factor, exp(-(e w_j t)²/2) for frequencies of relative standard
+deviation e.
 """
 
 from __future__ import annotations
@@ -20,74 +20,77 @@ from scipy import fft
 from antiosc import History
 from antiosc.base._types import Array
 from antiosc.base.progress import counting
-from antiosc_studies.find.forward import Blow, Chart, Model, Signals
-from antiosc_studies.measured.fit import covariance, lowered
+from antiosc_studies.find.forward import CandidateImpact, ComputedSignals, LocalChart, SearchModel
+from antiosc_studies.measured.fit import covariance, damped_step
 
 #: Shortest duration of a trial pulse over the period of the band's top.
-SHORTEST_PULSE = 0.4
+MIN_PULSE_PERIODS = 0.4
 #: Longest duration of a trial pulse over the record.
-LONGEST_PULSE = 0.3
+MAX_PULSE_SHARE = 0.3
 #: Number of durations.
-PULSES = 9
+PULSE_COUNT = 9
 #: Windows at which the energy of signals that the record's end cuts is known.
-WINDOWS = 9
+WINDOW_COUNT = 9
 #: Frequency that stands for a rigid-body mode, over one over the record.
 RIGID_FREQUENCY = 1e-3
 #: Sites at a time.
-AT_ONCE = 512
+SITES_AT_ONCE = 512
 
 
 @dataclass(frozen=True, eq=False)
-class Scan:
+class PulseScan:
     """The half-sine pulse that fits the signals best, at each of P sites."""
 
-    explained: Array  # (P,) share of the signals' weighted power that it explains
+    power_share: Array  # (P,) share of the signals' weighted power that it explains
     #: duration, start, amplitude: (P,) those of the pulse [s], [s], [N]
     duration: Array
     start: Array
     amplitude: Array
 
 
-def scan(model: Model, spread: float) -> Scan:
-    """The best pulses of all sites; `spread`: relative standard deviation of the frequencies."""
+def scan_pulses(model: SearchModel, frequency_sigma: float) -> PulseScan:
+    """The best pulses of all sites.
+
+    `frequency_sigma`: relative standard deviation of the frequencies.
+    """
     data = model.data
     omega = model.omega
     decay = model.decay
-    b = model.table[:, :-2]
+    b = model.site_table[:, :-2]
     n = len(data.values)
     T = data.duration
     size = fft.next_fast_len(2 * n, real=True)
-    D = fft.rfft(data.values / data.sigma, size, axis=0)
-    power = float(np.sum((data.values / data.sigma) ** 2))
+    D = fft.rfft(data.values / data.noise_sigma, size, axis=0)
+    power = float(np.sum((data.values / data.noise_sigma) ** 2))
     slow = RIGID_FREQUENCY / T
     lam = -decay + 1j * np.sqrt(np.maximum(omega**2 - decay**2, slow**2))
-    ends = np.linspace(0, n, WINDOWS + 1).astype(int)[1:]
-    longest = max(LONGEST_PULSE * T, 2 * data.dt)
-    shortest = min(SHORTEST_PULSE * 2 * np.pi / data.band, longest)
+    ends = np.linspace(0, n, WINDOW_COUNT + 1).astype(int)[1:]
+    longest = max(MAX_PULSE_SHARE * T, 2 * data.dt)
+    shortest = min(MIN_PULSE_PERIODS * 2 * np.pi / data.band, longest)
 
     best = np.zeros((4, len(b)))
-    for tau in np.geomspace(shortest, longest, PULSES):
+    for tau in np.geomspace(shortest, longest, PULSE_COUNT):
         table = pulse_responses(lam, tau, data.time)
-        fading = np.exp(-((spread * np.abs(lam.imag)[None] * data.time[:, None]) ** 2) / 2)
+        fading = np.exp(-((frequency_sigma * np.abs(lam.imag)[None] * data.time[:, None]) ** 2) / 2)
         Q = np.zeros((size // 2 + 1, len(lam)), dtype=complex)
-        gram = np.zeros((WINDOWS, len(lam), len(lam)))
-        for s, order in enumerate(model.orders):
-            g = table[order] * fading * (model.rows[s] / data.sigma[s])
+        gram = np.zeros((WINDOW_COUNT, len(lam), len(lam)))
+        for s, order in enumerate(model.derivative_orders):
+            g = table[order] * fading * (model.sensor_shapes[s] / data.noise_sigma[s])
             Q += np.conj(fft.rfft(g, size, axis=0)) * D[:, s, None]
             first = 0
             for k, end in enumerate(ends):
                 gram[k:] += g[first:end].T @ g[first:end]
                 first = end
         products = fft.irfft(Q, size, axis=0)[: n - 1].T
-        for first in range(0, len(b), AT_ONCE):
-            part = slice(first, first + AT_ONCE)
-            _update_best(best[:, part], b[part], products, gram, ends, tau)
+        for first in range(0, len(b), SITES_AT_ONCE):
+            part = slice(first, first + SITES_AT_ONCE)
+            _update_best_pulses(best[:, part], b[part], products, gram, ends, tau)
 
     explained, duration, lag, amplitude = best
-    return Scan(explained / power, duration, lag * data.dt, amplitude)
+    return PulseScan(explained / power, duration, lag * data.dt, amplitude)
 
 
-def _update_best(
+def _update_best_pulses(
     best: Array, b: Array, products: Array, gram: Array, ends: Array, tau: float
 ) -> None:
     """Replace the best pulses (4, P) of sites b (P, J) where pulses of duration tau fit better."""
@@ -116,11 +119,11 @@ def pulse_responses(lam: Array, tau: float, t: Array) -> list[Array]:
     rate = np.pi / tau
     delay = t[:, None] - until
 
-    def driven(w: float) -> Array:
+    def driven_response(w: float) -> Array:
         # integral of exp(i w s) exp(lam (t - s)) from 0 to min(t, tau)
         return (np.exp(1j * w * until) - np.exp(lam * until)) / (1j * w - lam) * np.exp(lam * delay)
 
-    z = (driven(rate) - driven(-rate)) / 2j
+    z = (driven_response(rate) - driven_response(-rate)) / 2j
     force = np.where(delay > 0, 0.0, np.sin(rate * until))
     q = z.imag / lam.imag
     v = z.real + lam.real * q
@@ -129,36 +132,38 @@ def pulse_responses(lam: Array, tau: float, t: Array) -> list[Array]:
 
 
 #: Step of logarithms in differences, and of the start over the contact time.
-CHANGE = 2e-3
+LOG_STEP = 2e-3
 #: Relative step of frequencies: small, since phase errors grow with time.
-CHANGE_FREQUENCY = 1e-5
+FREQUENCY_STEP = 1e-5
 #: Step of the place over the spacing of sites.
-CHANGE_PLACE = 0.02
+PLACE_STEP = 0.02
 #: Longest change of the place in one iteration over the spacing, …
-LONGEST_PLACE = 1.5
+MAX_PLACE_CHANGE = 1.5
 #: … of logarithms: a factor of two, …
-LONGEST = 0.7
+MAX_LOG_CHANGE = 0.7
 #: … and of the start over the contact time.
-LONGEST_START = 0.3
+MAX_START_CHANGE = 0.3
 #: Decrease of chi² below which a search ends: far below the 1 of a standard deviation.
-CONVERGED = 0.01
+CONVERGED_CHI2_DECREASE = 0.01
 #: Relative decrease of chi² below which a search ends.
-ENOUGH = 1e-6
+CONVERGED_RELATIVE_DECREASE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class ProbableImpact:
     """The most probable impact near a start, with its uncertainty."""
 
-    blow: Blow
-    chart: Chart
+    blow: CandidateImpact
+    chart: LocalChart
     hit: History
     #: sum of squares of weighted residuals and of model errors over their expected sizes
     cost: float
-    names: tuple[str, ...]
+    unknown_names: tuple[str, ...]
     #: covariance of the unknowns `names`: coordinates along `chart.axes` [m], logarithms, start [s]
     covariance: Array
-    gains: Array  # (2, .) derivatives of the logarithms of peak force and impulse by these unknowns
+    strength_derivatives: (
+        Array  # (2, .) derivatives of the logarithms of peak force and impulse by these unknowns
+    )
     chi2: float  # squared residual over its degrees of freedom
     signals: Array  # (n', m) computed signals over the noise
 
@@ -169,38 +174,42 @@ class Search:
     spread, doubt : relative standard deviations of natural frequencies, and of modes' shares.
     """
 
-    def __init__(self, model: Model, unknown: Sequence[str], spread: float, doubt: float) -> None:
+    def __init__(
+        self, model: SearchModel, unknown: Sequence[str], spread: float, doubt: float
+    ) -> None:
         self.model = model
         self.logs = [name for name in unknown if name != "place"]
         self.spread = spread
 
         # the error of a mode's share has two parts: its value at the sensor, and that at the struck
         # place, which is common to all sensors
-        count = len(model.rows)
+        count = len(model.sensor_shapes)
         share_covariance = doubt**2 * (np.eye(count) + 1) / 2
         self.unshared = np.linalg.inv(np.linalg.cholesky(share_covariance))
 
-    def residuals(self, blow: Blow, signals: Array) -> Array:
+    def residuals(self, blow: CandidateImpact, signals: Array) -> Array:
         """Residuals of the signals, then errors of the model, each over its standard deviation."""
-        signal_errors = signals - self.model.data.compared
-        shares = self.unshared @ blow.share
-        return np.concatenate([signal_errors.ravel(), blow.frequency / self.spread, shares.ravel()])
+        signal_errors = signals - self.model.data.scaled_signals
+        shares = self.unshared @ blow.share_changes
+        return np.concatenate(
+            [signal_errors.ravel(), blow.frequency_changes / self.spread, shares.ravel()]
+        )
 
-    def at(self, blow: Blow) -> tuple[Chart, Array, Signals]:
+    def state_at(self, blow: CandidateImpact) -> tuple[LocalChart, Array, ComputedSignals]:
         """(chart at the place, modal data there, computed signals)."""
         chart = self.model.surface.chart(blow.place, blow.site)
         site_data = self.model.modes_at(chart, np.zeros(len(chart.axes)))
-        return chart, site_data, self.model.seen(blow, site_data)
+        return chart, site_data, self.model.computed_signals(blow, site_data)
 
-    def refined(self, blow: Blow, steps: int) -> ProbableImpact:
+    def refined_impact(self, blow: CandidateImpact, steps: int) -> ProbableImpact:
         """The impact of least cost near the start, after at most `steps` steps."""
         damping = 1e-3
         step = -1
         while True:
             step += 1
-            chart, site_data, computed = self.at(blow)
+            chart, site_data, computed = self.state_at(blow)
             residual = self.residuals(blow, computed.signals)
-            J, gains = self._slopes(blow, chart, site_data, computed)
+            J, gains = self._residual_slopes(blow, chart, site_data, computed)
             if step == steps:
                 break
             # far from the blow, signal differences must not be explained by model errors
@@ -209,14 +218,17 @@ class Search:
             factor[:data] = min(1.0, float(np.sqrt(data / max(np.sum(residual[:data] ** 2), 1.0))))
 
             def moved(
-                change: Array, blow: Blow = blow, chart: Chart = chart, factor: Array = factor
-            ) -> tuple[Blow, Array]:
-                trial = self.moved(blow, chart, change)
-                return trial, factor * self.residuals(trial, self.at(trial)[2].signals)
+                change: Array,
+                blow: CandidateImpact = blow,
+                chart: LocalChart = chart,
+                factor: Array = factor,
+            ) -> tuple[CandidateImpact, Array]:
+                trial = self.changed_impact(blow, chart, change)
+                return trial, factor * self.residuals(trial, self.state_at(trial)[2].signals)
 
             rows = factor[:, None] * J
             scaled_residual = factor * residual
-            lowered_step, damping = lowered(
+            lowered_step, damping = damped_step(
                 rows.T @ rows, rows.T @ scaled_residual, scaled_residual, damping, moved
             )
             if lowered_step is None:
@@ -227,30 +239,34 @@ class Search:
             blow = replace(trial, contact_time_estimate=estimate)
 
             cost_before = float(np.sum((factor * residual) ** 2))
-            if cost_before - float(new @ new) < max(CONVERGED, ENOUGH * cost_before):
+            if cost_before - float(new @ new) < max(
+                CONVERGED_CHI2_DECREASE, CONVERGED_RELATIVE_DECREASE * cost_before
+            ):
                 steps = step + 1
 
-        return self._finished(blow, chart, computed, residual, J, gains)
+        return self._impact_with_uncertainty(blow, chart, computed, residual, J, gains)
 
-    def moved(self, blow: Blow, chart: Chart, change: Array) -> Blow:
+    def changed_impact(
+        self, blow: CandidateImpact, chart: LocalChart, change: Array
+    ) -> CandidateImpact:
         """The impact after a change of all unknowns."""
         d = len(chart.axes)
         k = len(self.logs)
-        x = change[:d] * min(1.0, LONGEST_PLACE / max(float(np.linalg.norm(change[:d])), 1e-300))
+        x = change[:d] * min(1.0, MAX_PLACE_CHANGE / max(float(np.linalg.norm(change[:d])), 1e-300))
         place = blow.place
         site = blow.site
         if d:
             moved = chart.origin + chart.size * x @ chart.axes
             place, site = self.model.surface.nearest(moved, blow.site)
-        logs = np.clip(change[d : d + k], -LONGEST, LONGEST)
+        logs = np.clip(change[d : d + k], -MAX_LOG_CHANGE, MAX_LOG_CHANGE)
         values = {
             name: getattr(blow, name) * float(np.exp(c))
             for name, c in zip(self.logs, logs, strict=True)
         }
-        later = float(np.clip(change[d + k], -LONGEST_START, LONGEST_START))
+        later = float(np.clip(change[d + k], -MAX_START_CHANGE, MAX_START_CHANGE))
         start = blow.start + blow.contact_time_estimate * later
         T = self.model.data.duration
-        J = len(blow.frequency)
+        J = len(blow.frequency_changes)
         model_changes = change[d + k + 1 :]
 
         return replace(
@@ -258,55 +274,65 @@ class Search:
             place=place,
             site=site,
             start=float(np.clip(start, -0.5 * T, 0.95 * T)),
-            frequency=np.clip(blow.frequency + model_changes[:J], -0.2, 0.2),
-            share=blow.share + model_changes[J:].reshape(blow.share.shape),
+            frequency_changes=np.clip(blow.frequency_changes + model_changes[:J], -0.2, 0.2),
+            share_changes=blow.share_changes + model_changes[J:].reshape(blow.share_changes.shape),
             **values,
         )
 
-    def _slopes(
-        self, blow: Blow, chart: Chart, site_data: Array, computed: Signals
+    def _residual_slopes(
+        self, blow: CandidateImpact, chart: LocalChart, site_data: Array, computed: ComputedSignals
     ) -> tuple[Array, Array]:
         """Derivatives of all residuals, and of peak force and impulse (gains), by the unknowns."""
         model = self.model
         columns = []
         gains = []
 
-        def add_difference(other: Blow, at: Array, change: float) -> None:
-            new = model.seen(other, at)
+        def add_difference(other: CandidateImpact, at: Array, change: float) -> None:
+            new = model.computed_signals(other, at)
             columns.append((new.signals - computed.signals).ravel() / change)
-            gains.append((strength(new.hit) - strength(computed.hit)) / change)
+            gains.append((log_strength(new.hit) - log_strength(computed.hit)) / change)
 
         for i in range(len(chart.axes)):
             x = np.zeros(len(chart.axes))
-            x[i] = CHANGE_PLACE
-            add_difference(blow, model.modes_at(chart, x), CHANGE_PLACE)
+            x[i] = PLACE_STEP
+            add_difference(blow, model.modes_at(chart, x), PLACE_STEP)
 
         for name in self.logs:
-            change = CHANGE_FREQUENCY if name == "E" else CHANGE
+            change = FREQUENCY_STEP if name == "E" else LOG_STEP
             value = {name: getattr(blow, name) * float(np.exp(change))}
             add_difference(replace(blow, **value), site_data, change)
-        later = replace(blow, start=blow.start + CHANGE * blow.contact_time_estimate)
-        add_difference(later, site_data, CHANGE)
-        n, m, J = computed.parts.shape
+        later = replace(blow, start=blow.start + LOG_STEP * blow.contact_time_estimate)
+        add_difference(later, site_data, LOG_STEP)
+        n, m, J = computed.modal_signals.shape
         p = len(columns)
         jacobian = np.zeros((n * m + J + m * J, p + J + m * J))
         jacobian[: n * m, :p] = np.transpose(columns)
 
         # all frequencies at once: each mode's own part of the change
-        moved_blow = replace(blow, frequency=(1 + blow.frequency) * (1 + CHANGE_FREQUENCY) - 1)
-        part_changes = (model.seen(moved_blow, site_data).parts - computed.parts) * (1 + blow.share)
-        by_frequency = part_changes / (CHANGE_FREQUENCY * (1 + blow.frequency))
+        moved_blow = replace(
+            blow, frequency_changes=(1 + blow.frequency_changes) * (1 + FREQUENCY_STEP) - 1
+        )
+        part_changes = (
+            model.computed_signals(moved_blow, site_data).modal_signals - computed.modal_signals
+        ) * (1 + blow.share_changes)
+        by_frequency = part_changes / (FREQUENCY_STEP * (1 + blow.frequency_changes))
         jacobian[: n * m, p : p + J] = by_frequency.reshape(n * m, J)
         for s in range(m):
             column = p + J + s * J
-            jacobian[s : n * m : m, column : column + J] = computed.parts[:, s]
+            jacobian[s : n * m : m, column : column + J] = computed.modal_signals[:, s]
         rows = np.arange(J)
         jacobian[n * m + rows, p + rows] = 1 / self.spread
         jacobian[n * m + J :, p + J :] = np.kron(self.unshared, np.eye(J))
         return jacobian, np.transpose(gains)
 
-    def _finished(
-        self, blow: Blow, chart: Chart, computed: Signals, residual: Array, J: Array, gains: Array
+    def _impact_with_uncertainty(
+        self,
+        blow: CandidateImpact,
+        chart: LocalChart,
+        computed: ComputedSignals,
+        residual: Array,
+        J: Array,
+        gains: Array,
     ) -> ProbableImpact:
         """The most probable impact with its uncertainty, from the state at the end of a search."""
         d = len(chart.axes)
@@ -334,141 +360,147 @@ class Search:
         )
 
 
-def strength(hit: History) -> Array:
+def log_strength(hit: History) -> Array:
     """Logarithms (2,) of peak force and impulse."""
     return np.log(np.maximum([hit.peak_force, hit.impulse], np.finfo(float).tiny))
 
 
 #: Number of places at which searches start.
-PLACES = 8
+STARTING_PLACE_COUNT = 8
 #: Their least distance over the spacing of sites.
-PLACE_DISTANCE = 2.5
+MIN_PLACE_DISTANCE = 2.5
 #: Initial masses of the impactor, over that of the structure.
-MASSES = (1e-3, 4e-3, 0.016, 0.064, 0.25, 1.0)
+INITIAL_MASS_RATIOS = (1e-3, 4e-3, 0.016, 0.064, 0.25, 1.0)
 #: Number of searches that begin, …
-MOST_STARTS = 4
+MAX_STARTED_SEARCHES = 4
 #: … and that are continued.
-MOST_FITS = 2
-FIRST_STEPS, LAST_STEPS = 5, 25  # of searches that begin, that go on
+MAX_CONTINUED_SEARCHES = 2
+STARTED_SEARCH_STEPS, CONTINUED_SEARCH_STEPS = 5, 25  # of searches that begin, that go on
 #: A second search is not continued if its cost exceeds this times the first's.
-HOPELESS = 10.0
+HOPELESS_COST_RATIO = 10.0
 #: chi² above which the best blow does not explain the signals.
 POOR_CHI2 = 2.0
 #: Factors on the mass of the impactor that are tried then: heavier ones may touch a second time,
 #: which no small step from a lighter one does.
-HEAVIER = (1.3, 2.0)
+HEAVIER_MASS_FACTORS = (1.3, 2.0)
 #: Contact time × velocity/approach of an impact on a rigid wall by Hertz's law:
 #: 2 ∫₀¹ dx/√(1 − x^(5/2)).
-HERTZ_TIME = 2.943
+HERTZ_TIME_FACTOR = 2.943
 #: Impulse over mass × velocity of the first guess, between 1 (no rebound) and 2 (a rigid wall).
-REBOUND = 1.6
+INITIAL_IMPULSE_RATIO = 1.6
 
 
-def most_probable(
-    model: Model,
-    scanned: Scan,
-    unknown: Sequence[str],
-    known: Mapping[str, float],
-    weight: float,
-    spread: float,
-    doubt: float,
+def most_probable_impacts(
+    model: SearchModel,
+    scanned: PulseScan,
+    unknown_names: Sequence[str],
+    known_values: Mapping[str, float],
+    structure_mass: float,
+    frequency_sigma: float,
+    share_sigma: float,
 ) -> list[ProbableImpact]:
     """The most probable impacts, the best first; a second one at another place if there is one.
 
     known : values of known quantities; weight : mass [kg] of the structure; spread, doubt : as for
     `Search`.
     """
-    search = Search(model, unknown, spread, doubt)
-    masses = [share * weight for share in MASSES] if "mass" in unknown else [known["mass"]]
+    search = Search(model, unknown_names, frequency_sigma, share_sigma)
+    masses = (
+        [share * structure_mass for share in INITIAL_MASS_RATIOS]
+        if "mass" in unknown_names
+        else [known_values["mass"]]
+    )
     starts = [
-        _scaled(search, _first_blow(model, scanned, i, mass, known))
+        _scaled_to_signals(search, _initial_impact(model, scanned, i, mass, known_values))
         for i in _starting_places(model, scanned)
         for mass in masses
     ]
     starts.sort(key=lambda pair: pair[0])
     starting_impacts = []
 
-    with counting("searching the blow", MOST_STARTS + MOST_FITS) as ready:
-        for count, (_, blow) in enumerate(starts[:MOST_STARTS], start=1):
-            starting_impacts.append(search.refined(blow, FIRST_STEPS))
+    with counting("searching the blow", MAX_STARTED_SEARCHES + MAX_CONTINUED_SEARCHES) as ready:
+        for count, (_, blow) in enumerate(starts[:MAX_STARTED_SEARCHES], start=1):
+            starting_impacts.append(search.refined_impact(blow, STARTED_SEARCH_STEPS))
             ready(count)
         starting_impacts.sort(key=lambda fit: fit.cost)
         fits = []
         for fit in _fits_to_continue(model, starting_impacts):
-            fits.append(search.refined(fit.blow, LAST_STEPS))
-            ready(MOST_STARTS + len(fits))
+            fits.append(search.refined_impact(fit.blow, CONTINUED_SEARCH_STEPS))
+            ready(MAX_STARTED_SEARCHES + len(fits))
         best = min(fits, key=lambda fit: fit.cost)
-        if best.chi2 > POOR_CHI2 and {"mass", "velocity"} <= set(unknown):
-            for by in HEAVIER:  # of the same momentum, which may touch a second time
+        if best.chi2 > POOR_CHI2 and {"mass", "velocity"} <= set(unknown_names):
+            for by in HEAVIER_MASS_FACTORS:  # of the same momentum, which may touch a second time
                 mass, velocity = by * best.blow.mass, best.blow.velocity / by
                 heavier = replace(best.blow, mass=mass, velocity=velocity)
-                fits.append(search.refined(heavier, LAST_STEPS))
+                fits.append(search.refined_impact(heavier, CONTINUED_SEARCH_STEPS))
 
     return sorted(fits, key=lambda fit: fit.cost)
 
 
-def _fits_to_continue(model: Model, fits: list[ProbableImpact]) -> list[ProbableImpact]:
+def _fits_to_continue(model: SearchModel, fits: list[ProbableImpact]) -> list[ProbableImpact]:
     """The fits to continue: the best one, and the best at another place or else the second best."""
     first, *others = fits
-    least_distance = PLACE_DISTANCE * model.surface.spacing(first.blow.site)
+    least_distance = MIN_PLACE_DISTANCE * model.surface.spacing(first.blow.site)
     lines = [fit.blow.place - first.blow.place for fit in others]
     apart = [np.linalg.norm(line) > least_distance for line in lines]
     elsewhere = [fit for fit, is_apart in zip(others, apart, strict=True) if is_apart]
 
-    promising = [fit for fit in (*elsewhere, *others) if fit.cost < HOPELESS * first.cost]
-    return [first, *promising][:MOST_FITS]
+    promising = [
+        fit for fit in (*elsewhere, *others) if fit.cost < HOPELESS_COST_RATIO * first.cost
+    ]
+    return [first, *promising][:MAX_CONTINUED_SEARCHES]
 
 
-def _starting_places(model: Model, scanned: Scan) -> list[int]:
+def _starting_places(model: SearchModel, scanned: PulseScan) -> list[int]:
     """The sites whose pulses fit best, at a distance from one another."""
     site_numbers: list[int] = []
     points = model.surface.points
-    for i in np.argsort(-scanned.explained, kind="stable").tolist():
-        least_distance = PLACE_DISTANCE * model.surface.spacing(i)
+    for i in np.argsort(-scanned.power_share, kind="stable").tolist():
+        least_distance = MIN_PLACE_DISTANCE * model.surface.spacing(i)
         if all(np.linalg.norm(points[i] - points[k]) > least_distance for k in site_numbers):
             site_numbers.append(i)
-        if len(site_numbers) == PLACES:
+        if len(site_numbers) == STARTING_PLACE_COUNT:
             break
 
     return site_numbers
 
 
-def _first_blow(
-    model: Model, scanned: Scan, i: int, mass: float, known: Mapping[str, float]
-) -> Blow:
+def _initial_impact(
+    model: SearchModel, scanned: PulseScan, i: int, mass: float, known: Mapping[str, float]
+) -> CandidateImpact:
     """An impact whose pulse on a rigid wall is that of the scan at site i."""
     T = float(scanned.duration[i])
     impulse = 2 / np.pi * T * float(scanned.amplitude[i])
-    velocity = max(impulse, float(np.finfo(float).tiny)) / (REBOUND * mass)
-    approach = T * velocity / HERTZ_TIME
-    exponent = model.exponent
+    velocity = max(impulse, float(np.finfo(float).tiny)) / (INITIAL_IMPULSE_RATIO * mass)
+    approach = T * velocity / HERTZ_TIME_FACTOR
+    exponent = model.law_exponent
     stiffness = (exponent + 1) / 2 * mass * velocity**2 / approach ** (exponent + 1)
     J = len(model.omega)
-    m = len(model.rows)
+    m = len(model.sensor_shapes)
     guess = {"velocity": velocity, "stiffness": stiffness, "E": 1.0, **known, "mass": mass}
 
-    return Blow(
+    return CandidateImpact(
         model.surface.points[i],
         i,
         start=float(scanned.start[i]),
         contact_time_estimate=T,
-        frequency=np.zeros(J),
-        share=np.zeros((m, J)),
+        frequency_changes=np.zeros(J),
+        share_changes=np.zeros((m, J)),
         **guess,
     )
 
 
-def _scaled(search: Search, blow: Blow) -> tuple[float, Blow]:
+def _scaled_to_signals(search: Search, blow: CandidateImpact) -> tuple[float, CandidateImpact]:
     """(cost, impact) after its strength is scaled to fit the signals best."""
     model = search.model
-    signals = search.at(blow)[2].signals.ravel()
-    data = model.data.compared.ravel()
+    signals = search.state_at(blow)[2].signals.ravel()
+    data = model.data.scaled_signals.ravel()
     power = float(signals @ signals)
     if power == 0.0:
         return float(data @ data), blow
     amplitude = max(float(signals @ data) / power, 0.1)
 
     # with this change of stiffness the force of a power law is proportional to the velocity
-    change = {"velocity": amplitude, "stiffness": amplitude ** (1 - model.exponent)}
+    change = {"velocity": amplitude, "stiffness": amplitude ** (1 - model.law_exponent)}
     new = {n: getattr(blow, n) * c for n, c in change.items() if n in search.logs}
     return float(np.sum((amplitude * signals - data) ** 2)), replace(blow, **new)

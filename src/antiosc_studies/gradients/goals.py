@@ -17,41 +17,41 @@ from antiosc.impact.assembly import Assembly
 from antiosc.impact.states import forces, locate
 
 #: Relative error of the forces in a step of the runs that are differenced.
-TOL = 1e-9
+DIFFERENCE_TOL = 1e-9
 #: Two peaks that differ by less than this share may change places within a step.
 EQUAL_PEAKS = 1e-3
 #: Times at which the largest displacement is sought, and the refinements of its time, by 8 each.
-TIMES, REFINED = 1025, 4
-OF_CONTACT = ("peak_force", "impulse", "contact_time", "restitution")
+DISPLACEMENT_TIME_COUNT, TIME_REFINEMENTS = 1025, 4
+CONTACT_GOALS = ("peak_force", "impulse", "contact_time", "restitution")
 #: Goals at a given time.
-TIMED = ("force", "displacement")
-GOALS = (*OF_CONTACT, "peak_displacement", *TIMED)
+TIMED_GOALS = ("force", "displacement")
+GOAL_NAMES = (*CONTACT_GOALS, "peak_displacement", *TIMED_GOALS)
 
 
 class Goal(NamedTuple):
     """A goal: its name, the time [s] up to which runs go on, and the function that reads it."""
 
     name: str
-    until: float
-    read: Callable[[History], float]
+    end_time: float
+    value_of: Callable[[History], float]
 
 
-class Values(NamedTuple):
+class GoalValues(NamedTuple):
     """The value of the goal in a run, and the number of touches of each contact."""
 
     goal: float
     touches: tuple[int, ...]
 
 
-def values_of(goal: Goal, assembly: Assembly, tol: float) -> Values:
+def run_for_goal(goal: Goal, assembly: Assembly, tol: float) -> GoalValues:
     """Run an assembly once, with a relative error `tol` of the forces, and read the goal."""
-    hit = _history(assembly, goal.until, tol)
+    hit = _history_of(assembly, goal.end_time, tol)
     events = hit.run.events
     touched = events[events[:, 2] != library.APART, 1].astype(int)
-    return Values(goal.read(hit), tuple(np.bincount(touched, minlength=1).tolist()))
+    return GoalValues(goal.value_of(hit), tuple(np.bincount(touched, minlength=1).tolist()))
 
 
-def _history(assembly: Assembly, until: float, tol: float) -> History:
+def _history_of(assembly: Assembly, until: float, tol: float) -> History:
     fine = assembly.contact_time_estimate / TOUCH_RESOLUTION
     options = library.COptions(until, tol, 0.0, 0.0, fine, 10_000, 1_000_000, 1)
     run, solution = solve(assembly.system, options)
@@ -80,22 +80,23 @@ def goal_of(
         name = str(getattr(goal, "__name__", "goal"))
         return Goal(name, until, lambda run: checks.number("the goal", goal(run)))
 
-    name = checks.choice("goal", goal, GOALS)
-    if (name in TIMED) != (time is not None):
+    name = checks.choice("goal", goal, GOAL_NAMES)
+    if (name in TIMED_GOALS) != (time is not None):
         raise InputError(
-            f"give time= [s] with the goals {' and '.join(TIMED)}, and with no other; the goal is"
+            f"give time= [s] with the goals {' and '.join(TIMED_GOALS)}, and with no other; "
+            "the goal is"
             f" {name}, time = {checks.shown(time)}."
         )
 
     c = _contact_number(hit, contact)
     end = hit.assembly.scene.contacts[c].a
-    if name in OF_CONTACT and not hit.contact_histories[c].contacts:
+    if name in CONTACT_GOALS and not hit.contact_histories[c].contacts:
         raise NotDifferentiableError("the contact did not touch: this goal has no gradient.")
 
     if name == "peak_force":
-        until = _end_of_peak(_history(base, until, TOL), c)
-    if name in OF_CONTACT:
-        return Goal(name, until, lambda run: _of_contact(run, c, name))
+        until = _release_after_peak(_history_of(base, until, DIFFERENCE_TOL), c)
+    if name in CONTACT_GOALS:
+        return Goal(name, until, lambda run: _contact_goal(run, c, name))
     if name == "peak_displacement":
         return Goal(name, until, lambda run: _largest_displacement(run, end))
 
@@ -105,7 +106,7 @@ def goal_of(
     until = min(max(t[0], 1e-3 * until), until)
     if name == "force":
         return Goal(name, until, lambda run: float(forces(run.run, *locate(run.run, t))[0, c]))
-    return Goal(name, until, lambda run: float(_displacement(run, end, t)[0]))
+    return Goal(name, until, lambda run: float(_end_displacement(run, end, t)[0]))
 
 
 def _contact_number(hit: History, contact: tuple[str, str] | None) -> int:
@@ -119,7 +120,7 @@ def _contact_number(hit: History, contact: tuple[str, str] | None) -> int:
     raise InputError(f"contact must be one of {contact_names}; got {checks.shown(contact)}.")
 
 
-def _of_contact(hit: History, c: int, name: str) -> float:
+def _contact_goal(hit: History, c: int, name: str) -> float:
     value = getattr(hit.contact_histories[c], name)
     if value is None:
         raise NotDifferentiableError(
@@ -130,8 +131,11 @@ def _of_contact(hit: History, c: int, name: str) -> float:
     return float(value)
 
 
-def _end_of_peak(hit: History, c: int) -> float:
-    """Time [s] of the release after the largest force; NotDifferentiableError for two of them."""
+def _release_after_peak(hit: History, c: int) -> float:
+    """Time [s] of the release after the largest force.
+
+    NotDifferentiableError if two peaks are equally large.
+    """
     run = hit.run
     steps = np.arange(run.time.size // 2)
     tops = library.pulses(run.time, run.force, c, np.stack([steps, steps + 1], axis=1))[:, 1]
@@ -146,7 +150,7 @@ def _end_of_peak(hit: History, c: int) -> float:
     return next(end for _, end in hit.contact_histories[c].contacts if end > top)
 
 
-def _displacement(hit: History, end: str, t: Array) -> Array:
+def _end_displacement(hit: History, end: str, t: Array) -> Array:
     """Displacement (n,) [m] of the end of a contact at times."""
     name, _, site = end.partition(":")
     return hit.at(t)[name].displacement(site)
@@ -154,9 +158,9 @@ def _displacement(hit: History, end: str, t: Array) -> Array:
 
 def _largest_displacement(hit: History, end: str) -> float:
     """The largest displacement [m] of the end of a contact by magnitude."""
-    t = np.linspace(0.0, hit.run.time[-1], TIMES)
-    for _ in range(1 + REFINED):
-        size = np.abs(_displacement(hit, end, t))
+    t = np.linspace(0.0, hit.run.time[-1], DISPLACEMENT_TIME_COUNT)
+    for _ in range(1 + TIME_REFINEMENTS):
+        size = np.abs(_end_displacement(hit, end, t))
         best = int(np.argmax(size))
         t = np.linspace(t[max(best - 1, 0)], t[min(best + 1, t.size - 1)], 17)
     return float(size[best])

@@ -19,39 +19,39 @@ from antiosc import AntiOscillators, History
 from antiosc.base import checks
 from antiosc.base._types import Figure
 from antiosc.base.errors import InputError, NotDifferentiableError
-from antiosc.base.texts import Completed, value_text
+from antiosc.base.texts import CompletedResult, value_text
 from antiosc.extension import SAFETY, TRUNCATION_SAFETY, softest_model
 from antiosc.impact.assembly import Assembly
 from antiosc.plot.charts import figure_or_path, panels
-from antiosc_studies.gradients.goals import TOL, Goal, Values, goal_of, values_of
+from antiosc_studies.gradients.goals import DIFFERENCE_TOL, Goal, GoalValues, goal_of, run_for_goal
 from antiosc_studies.gradients.numbers import (
     ModelChange,
-    Number,
     VariableImpact,
-    mapped,
-    of_body,
-    of_contact,
+    VariableNumber,
+    mapped_leaves,
+    numbers_of_body,
+    numbers_of_contact,
 )
 
 #: Relative step of a number, and what it becomes where a touch appears or vanishes within it.
-STEPS = (1e-4, 1e-5)
+RELATIVE_STEPS = (1e-4, 1e-5)
 #: Of the second difference, whose distance is the error: its step and tolerance over those of the
 #: first. Without changes of the order of steps runs are smooth to 1e-14; to 1e-7 their derivatives
 #: are within some 1e-5, to 1e-9 within some 1e-6 of the goal over the number.
-STEP_FACTOR, TOL_FACTOR = 2.0, 100.0
+COARSE_STEP_FACTOR, COARSE_TOL_FACTOR = 2.0, 100.0
 #: Steps of a difference, and its weights there and in the given run; on one side where the other is
 #: out of range.
-SCHEMES = ((-1, 1), (-0.5, 0.5, 0.0)), ((1, 2), (2.0, -0.5, -1.5))
+DIFFERENCE_SCHEMES = ((-1, 1), (-0.5, 0.5, 0.0)), ((1, 2), (2.0, -0.5, -1.5))
 #: Least error of a derivative, over the goal by the number.
-FLOOR = 2e-6
+MIN_RELATIVE_ERROR = 2e-6
 #: Share of the anti-oscillators that the comparison run for the truncation error omits.
-LEFT_OUT_SHARE = 0.25
+OMITTED_SHARE = 0.25
 
-Tree = dict[str, Any]
+ParameterTree = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Gradient(Completed):
+class Gradient(CompletedResult):
     """Derivatives of a result; those of a single body or contact are attributes too.
 
     Attributes
@@ -72,8 +72,8 @@ class Gradient(Completed):
 
     goal: str
     value: float
-    bodies: dict[str, Tree]
-    contacts: dict[tuple[str, str], Tree]
+    bodies: dict[str, ParameterTree]
+    contacts: dict[tuple[str, str], ParameterTree]
     error: Gradient | None = None
 
     def __getattr__(self, name: str) -> Any:
@@ -94,7 +94,7 @@ class Gradient(Completed):
         """The value and its derivatives: name -> JSON value."""
         contacts = {" - ".join(ends): tree for ends, tree in self.contacts.items()}
         slopes = {
-            name: mapped(lambda v: np.asarray(v).tolist(), tree)
+            name: mapped_leaves(lambda v: np.asarray(v).tolist(), tree)
             for name, tree in {**self.bodies, **contacts}.items()
         }
         return {**super().numbers(), "derivatives": slopes}
@@ -199,20 +199,27 @@ def gradient(
     all_struck = [VariableImpact(hit, turn) for turn in turns]
     models = None
     if part is not None:
-        from antiosc_studies.gradients.of_part import Models  # loads dolfinx
+        from antiosc_studies.gradients.of_part import PartModels  # loads dolfinx
 
-        models = Models(part, x, hit)
+        models = PartModels(part, x, hit)
 
     goals = [goal_of(goal, hit, struck.base, contact, time) for struck in all_struck]
-    slopes = [_slopes(*pair, models) for pair in zip(all_struck, goals, strict=True)]
+    slopes = [_slopes_of_goal(*pair, models) for pair in zip(all_struck, goals, strict=True)]
     bodies, contacts = zip(*slopes, strict=True)
 
     asked = goals[0]
-    value = asked.read(hit)
-    off = abs(values_of(asked, all_struck[0].base, TOL).goal - value) + TOL * abs(value)
-    bars = Gradient(asked.name, off, mapped(_error_bar, *bodies), mapped(_error_bar, *contacts))
+    value = asked.value_of(hit)
+    off = abs(
+        run_for_goal(asked, all_struck[0].base, DIFFERENCE_TOL).goal - value
+    ) + DIFFERENCE_TOL * abs(value)
+    bars = Gradient(
+        asked.name,
+        off,
+        mapped_leaves(_derivative_bar, *bodies),
+        mapped_leaves(_derivative_bar, *contacts),
+    )
     bodies, contacts = (
-        mapped(lambda slope, *_: slope.value, *trees) for trees in (bodies, contacts)
+        mapped_leaves(lambda slope, *_: slope.value, *trees) for trees in (bodies, contacts)
     )
     return Gradient(asked.name, value, bodies, contacts, bars)
 
@@ -226,72 +233,89 @@ def _model_changes(hit: History) -> list[ModelChange]:
             " error= out."
         )
 
-    left_out = max(1, round(LEFT_OUT_SHARE * model.n))
+    left_out = max(1, round(OMITTED_SHARE * model.n))
     turns: list[ModelChange] = [lambda one: one.truncated(one.n - left_out), softest_model]
     return turns + ([AntiOscillators.corrected] if model.strain_error is not None else [])
 
 
-class Slope(NamedTuple):
+class SlopeWithError(NamedTuple):
     """The derivative of a goal by a number, and its error."""
 
     value: float
     error: float
 
 
-def _slopes(struck: VariableImpact, goal: Goal, models: Any) -> tuple[Tree, dict[Any, Tree]]:
+def _slopes_of_goal(
+    variable_impact: VariableImpact, goal: Goal, part_models: Any
+) -> tuple[ParameterTree, dict[Any, ParameterTree]]:
     """Slopes of a goal: (body -> {parameter: slope}, ends of a contact -> {parameter: slope}).
 
     models : the extracted models of `gradients.of_part`, or None.
     """
-    derive = _slope_function(goal, struck.base)
-    bodies = {name: mapped(derive, of_body(struck, name)) for name in struck.scene.bodies}
-    if models is not None:
-        again = _slope_function(goal, models.posed(struck))
-        bodies[models.name] |= mapped(again, models.numbers(struck))
+    derive = _slope_function(goal, variable_impact.base)
+    bodies = {
+        name: mapped_leaves(derive, numbers_of_body(variable_impact, name))
+        for name in variable_impact.scene.bodies
+    }
+    if part_models is not None:
+        again = _slope_function(goal, part_models.assembly_again(variable_impact))
+        bodies[part_models.name] |= mapped_leaves(
+            again, part_models.numbers_of_part(variable_impact)
+        )
 
     contacts = {
-        (contact.a, contact.b): mapped(derive, of_contact(struck, i))
-        for i, contact in enumerate(struck.scene.contacts)
+        (contact.a, contact.b): mapped_leaves(derive, numbers_of_contact(variable_impact, i))
+        for i, contact in enumerate(variable_impact.scene.contacts)
     }
     return {name: tree for name, tree in bodies.items() if tree}, contacts
 
 
-def _slope_function(goal: Goal, base: Assembly) -> Callable[[Number], Slope]:
-    """A function that returns the slope of the goal by a `Number`."""
-    fine, coarse = (values_of(goal, base, tol) for tol in (TOL, TOL_FACTOR * TOL))
+def _slope_function(goal: Goal, base: Assembly) -> Callable[[VariableNumber], SlopeWithError]:
+    """A function that returns the slope of the goal by a `VariableNumber`."""
+    fine, coarse = (
+        run_for_goal(goal, base, tol)
+        for tol in (DIFFERENCE_TOL, COARSE_TOL_FACTOR * DIFFERENCE_TOL)
+    )
 
-    def derive(number: Number) -> Slope:
-        for step in STEPS:
-            h = step * number.size
-            slope = _quotient(number, h, goal, fine, TOL)
-            other = _quotient(number, STEP_FACTOR * h, goal, coarse, TOL_FACTOR * TOL)
+    def derive(number: VariableNumber) -> SlopeWithError:
+        for step in RELATIVE_STEPS:
+            h = step * number.step_scale
+            slope = _difference_quotient(number, h, goal, fine, DIFFERENCE_TOL)
+            other = _difference_quotient(
+                number, COARSE_STEP_FACTOR * h, goal, coarse, COARSE_TOL_FACTOR * DIFFERENCE_TOL
+            )
             if slope is not None and other is not None:
-                least = FLOOR * abs(fine.goal) / number.size
-                richardson = (slope - other) / (STEP_FACTOR**2 - 1) if number.wide else 0.0
-                return Slope(slope + richardson, abs(slope - other) + least)
+                least = MIN_RELATIVE_ERROR * abs(fine.goal) / number.step_scale
+                richardson = (
+                    (slope - other) / (COARSE_STEP_FACTOR**2 - 1) if number.extrapolates else 0.0
+                )
+                return SlopeWithError(slope + richardson, abs(slope - other) + least)
 
         raise NotDifferentiableError(
             f"a touch appears or vanishes where the number {number.value:g} of the impact changes"
-            f" by {STEPS[-1]:g} of its value: the goal has no derivative; change an input slightly."
+            f" by {RELATIVE_STEPS[-1]:g} of its value: the goal has no derivative; change an "
+            "input slightly."
         )
 
     return derive
 
 
-def _quotient(number: Number, h: float, goal: Goal, base: Values, tol: float) -> float | None:
+def _difference_quotient(
+    number: VariableNumber, h: float, goal: Goal, base: GoalValues, tol: float
+) -> float | None:
     """Difference quotient of a goal with the step `h`; None where a touch appears or vanishes.
 
     base : values of the unchanged run; tol : relative error of the forces in all runs.
     """
     refused: InputError | None = None
-    for points, weights in SCHEMES:
+    for points, weights in DIFFERENCE_SCHEMES:
         for side in (h, -h):
             try:
-                posed = [number.posed(number.value + side * k) for k in points]
+                posed = [number.assembly_with(number.value + side * k) for k in points]
             except InputError as error:
                 refused = refused or error
                 continue
-            values = [*(values_of(goal, one, tol) for one in posed), base]
+            values = [*(run_for_goal(goal, one, tol) for one in posed), base]
             if any(one.touches != base.touches for one in values):
                 return None
             return float(np.dot(weights, [one.goal for one in values])) / side
@@ -300,7 +324,7 @@ def _quotient(number: Number, h: float, goal: Goal, base: Values, tol: float) ->
     raise refused
 
 
-def _error_bar(slope: Slope, *others: Slope) -> float:
+def _derivative_bar(slope: SlopeWithError, *others: SlopeWithError) -> float:
     """Error bar of a derivative, by its differences and by the changed models.
 
     others : its slopes on the models of `_model_changes`, None where a model has none.

@@ -29,35 +29,39 @@ from antiosc.models.stretch import refuse_stretch
 
 ModelChange = Callable[[AntiOscillators], AntiOscillators]
 #: Numbers by name: one, a list of them, a dict of them, or None of one that cannot decrease.
-Numbers = dict[str, Any]
+NumberTree = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Number:
+class VariableNumber:
     """A number that an impact depends on."""
 
     value: float  # its value
-    size: float  # what steps of it are relative to, > 0
-    posed: Callable[[float], Assembly]  # function of another value that returns the impact with it
-    wide: bool = False  # whether steps are so long that the differences of two are extrapolated
+    step_scale: float  # what steps of it are relative to, > 0
+    assembly_with: Callable[
+        [float], Assembly
+    ]  # function of another value that returns the impact with it
+    extrapolates: bool = (
+        False  # whether steps are so long that the differences of two are extrapolated
+    )
 
 
-def mapped(pick: Callable[..., Any], first: Any, *others: Any) -> Any:
-    """Apply `pick` to the leaves at each place of several trees (nested dicts and lists)."""
-    if isinstance(first, dict):
+def mapped_leaves(function: Callable[..., Any], first_tree: Any, *other_trees: Any) -> Any:
+    """Apply `function` to the leaves at each place of several trees (nested dicts and lists)."""
+    if isinstance(first_tree, dict):
         return {
-            name: mapped(pick, value, *(tree[name] for tree in others))
-            for name, value in first.items()
+            name: mapped_leaves(function, value, *(tree[name] for tree in other_trees))
+            for name, value in first_tree.items()
         }
-    if isinstance(first, list):
-        made = [mapped(pick, *row) for row in zip(first, *others, strict=True)]
+    if isinstance(first_tree, list):
+        made = [mapped_leaves(function, *row) for row in zip(first_tree, *other_trees, strict=True)]
         return np.array(made) if all(isinstance(one, float) for one in made) else made
-    return None if first is None else pick(first, *others)
+    return None if first_tree is None else function(first_tree, *other_trees)
 
 
-def number(value: float, posed: Callable[[float], Assembly]) -> Number:
+def relative_number(value: float, assembly_with: Callable[[float], Assembly]) -> VariableNumber:
     """A number whose steps are relative to its own value."""
-    return Number(value, abs(value), posed)
+    return VariableNumber(value, abs(value), assembly_with)
 
 
 class VariableImpact:
@@ -66,7 +70,7 @@ class VariableImpact:
     turn : function that changes the model "structure" before every run; None: it stays.
     """
 
-    def __init__(self, hit: History, turn: ModelChange | None = None) -> None:
+    def __init__(self, hit: History, change_model: ModelChange | None = None) -> None:
         checks.instance("hit", hit, History, "a History of simulate or Scene.run")
         if hit.assembly.stretched:
             raise InputError(
@@ -75,16 +79,16 @@ class VariableImpact:
             )
         self.scene = hit.assembly.scene
         self.end = float(hit.run.time[-1])
-        self.turn = turn
+        self.turn = change_model
         self._pair: Impact | None = getattr(hit.source, "impact", None)
-        self.base = self.posed()
+        self.base = self.assembly_with()
 
         a, b = self.base.system, hit.assembly.system
         same = a.beta.shape == b.beta.shape and all(map(np.array_equal, a.numbers, b.numbers))
-        if turn is None and not same:
+        if change_model is None and not same:
             raise InputError("hit must be a whole run, as simulate and Scene.run return it.")
 
-    def posed(
+    def assembly_with(
         self,
         bodies: Mapping[str, Any] | None = None,
         contacts: Mapping[int, Contact] | None = None,
@@ -113,7 +117,7 @@ class VariableImpact:
         set_initial_forces(assembly.system, assembly.scene.preload)
         return assembly
 
-    def start(self, name: str) -> float:
+    def initial_speed(self, name: str) -> float:
         """The speed [m/s] of a model at the start; 0: it rests, or moves in space."""
         if self._pair is None:
             start = self.scene.motion.get(name, 0.0)
@@ -122,38 +126,44 @@ class VariableImpact:
         return start if isinstance(start, int | float) else 0.0
 
 
-def of_body(struck: VariableImpact, name: str) -> Numbers:
+def numbers_of_body(impact: VariableImpact, name: str) -> NumberTree:
     """The numbers of a body with one site."""
-    body: Any = struck.scene.bodies[name]
+    body: Any = impact.scene.bodies[name]
     is_impactor = isinstance(body, Impactor)
     inner = body.body if is_impactor else body
 
-    def posed(other: Any) -> Assembly:
-        return struck.posed({name: replace(body, body=other) if is_impactor else other})
+    def with_body(other: Any) -> Assembly:
+        return impact.assembly_with({name: replace(body, body=other) if is_impactor else other})
 
-    def moving(v: float) -> Assembly:
+    def with_speed(v: float) -> Assembly:
         sphere = isinstance(body, Sphere)
-        return struck.posed(
+        return impact.assembly_with(
             {name: RigidMass(body.mass, v) if sphere else replace(body, velocity=v)}
         )
 
-    numbers: Numbers = {}
+    numbers: NumberTree = {}
     if isinstance(inner, RigidMass | Sphere):
-        numbers["mass"] = number(inner.mass, lambda m: posed(RigidMass(m, inner.velocity)))
+        numbers["mass"] = relative_number(
+            inner.mass, lambda m: with_body(RigidMass(m, inner.velocity))
+        )
     elif isinstance(inner, AntiOscillators) and not inner.sites:
-        numbers |= _of_model(inner, posed)
-        if start := struck.start(name):
-            numbers["initial_velocity"] = number(start, lambda v: struck.posed(starts={name: v}))
+        numbers |= _numbers_of_model(inner, with_body)
+        if start := impact.initial_speed(name):
+            numbers["initial_velocity"] = relative_number(
+                start, lambda v: impact.assembly_with(starts={name: v})
+            )
     else:
         return {}
 
     speed = getattr(body, "velocity", 0.0)
     if not isinstance(speed, Motion) and speed:
-        numbers["velocity"] = number(speed, moving)
+        numbers["velocity"] = relative_number(speed, with_speed)
     return numbers
 
 
-def _of_model(model: AntiOscillators, posed: Callable[[AntiOscillators], Assembly]) -> Numbers:
+def _numbers_of_model(
+    model: AntiOscillators, posed: Callable[[AntiOscillators], Assembly]
+) -> NumberTree:
     """The parameters of a model of one site, and a factor on damping that couples its modes."""
     nothing: Any = dict.fromkeys(("shapes", "hidden", "strain_error", "strain_misfit", "stretch"))
     light = replace(model, **nothing)
@@ -165,49 +175,51 @@ def _of_model(model: AntiOscillators, posed: Callable[[AntiOscillators], Assembl
         entries = getattr(light, name)
         return with_field(name, np.where(np.arange(entries.size) == i, value, entries))
 
-    numbers: Numbers = {}
+    numbers: NumberTree = {}
     for name in ("m0", "k0"):
         value = float(getattr(light, name))
-        numbers[name] = number(value, partial(with_field, name)) if value > 0 else None
+        numbers[name] = relative_number(value, partial(with_field, name)) if value > 0 else None
     for name in ("m", "omega"):
         entries = getattr(light, name).tolist()
-        numbers[name] = [number(x, partial(with_entry, name, i)) for i, x in enumerate(entries)]
+        numbers[name] = [
+            relative_number(x, partial(with_entry, name, i)) for i, x in enumerate(entries)
+        ]
 
     damping = model.damping
     if isinstance(damping, DampingMatrix):
 
-        def damped(factor: float) -> Assembly:
+        def with_damping_factor(factor: float) -> Assembly:
             root = np.sqrt(factor)
             factors = [(root * L, tau) for L, tau in damping.factors]
             return with_field("damping", from_factors(root * damping.factor, factors))
 
-        numbers["damping"] = number(1.0, damped)
+        numbers["damping"] = relative_number(1.0, with_damping_factor)
     return numbers
 
 
-def of_contact(struck: VariableImpact, i: int) -> Numbers:
+def numbers_of_contact(impact: VariableImpact, i: int) -> NumberTree:
     """The numbers of a contact: of its law, its gap, its friction."""
-    contact = struck.scene.contacts[i]
+    contact = impact.scene.contacts[i]
     law: Any = contact.law
 
     def with_field(name: str, value: Any) -> Assembly:
-        return struck.posed(contacts={i: replace(contact, **{name: value})})
+        return impact.assembly_with(contacts={i: replace(contact, **{name: value})})
 
     def law_with(name: str, value: float) -> Assembly:
         return with_field("law", replace(law, **{name: value}))
 
-    numbers: Numbers = {}
+    numbers: NumberTree = {}
     for item in fields(law) if is_dataclass(law) else ():
         value = getattr(law, item.name)
         if item.init and type(value) in (int, float) and value:
-            numbers[item.name] = number(value, partial(law_with, item.name))
+            numbers[item.name] = relative_number(value, partial(law_with, item.name))
 
-    ends = (struck.base.bodies[end.partition(":")[0]] for end in (contact.a, contact.b))
+    ends = (impact.base.bodies[end.partition(":")[0]] for end in (contact.a, contact.b))
     gap = sum(body.gap for body in ends) if contact.gap is None else contact.gap
-    size = max(abs(gap), float(struck.base.system.depth[i]))
-    numbers["gap"] = Number(gap, size, partial(with_field, "gap"))
+    size = max(abs(gap), float(impact.base.system.depth[i]))
+    numbers["gap"] = VariableNumber(gap, size, partial(with_field, "gap"))
     for name in ("friction", "tangential_stiffness"):
         value = getattr(contact, name)
         if contact.friction > 0 and value is not None:
-            numbers[name] = number(value, partial(with_field, name))
+            numbers[name] = relative_number(value, partial(with_field, name))
     return numbers

@@ -15,23 +15,28 @@ from antiosc.base import checks
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.extension import refuse_prestress
 from antiosc.impact.assembly import Assembly
-from antiosc_studies.gradients.numbers import Number, Numbers, VariableImpact, mapped
+from antiosc_studies.gradients.numbers import (
+    NumberTree,
+    VariableImpact,
+    VariableNumber,
+    mapped_leaves,
+)
 
 #: Size of a number over its value, for steps of a hundredth: where a site excites some modes by
 #: rounding alone, the highest anti-oscillators of two extractions differ by 1e-4.
-STEP_SIZE = 100.0
+INPUT_STEP_SCALE = 100.0
 #: The same of an input that is 0.
-ZERO_SIZE = 10.0
+ZERO_STEP_SCALE = 10.0
 #: Largest relative difference of the static masses of the run's model and that extracted again.
-SAME_MASS_TOL = 1e-3
+STATIC_MASS_TOL = 1e-3
 #: Numbers of materials on which K and M do not depend.
-UNUSED = {"loss", "yield_strength", "tensile", "rate"}
+UNUSED_MATERIAL_NUMBERS = {"loss", "yield_strength", "tensile", "rate"}
 
 #: A value, the size of its steps, and the model for another value.
-Varied = tuple[float, float, Callable[[float], AntiOscillators]]
+VariedInput = tuple[float, float, Callable[[float], AntiOscillators]]
 
 
-class Models:
+class PartModels:
     """The models of a part, or of a function of x, with one of its numbers changed."""
 
     def __init__(self, part: Any, x: ArrayLike | None, hit: History) -> None:
@@ -40,52 +45,58 @@ class Models:
         built, self._tree = part, {}
 
         if isinstance(part, Structure):
-            self._tree = self._of_structure(part)
+            self._tree = self._inputs_of_structure(part)
         else:
             checks.function("part", part, "a Structure, or a function of x that builds one")
             if x is None:
                 raise InputError("part is a function of x: give the x at which the run was made.")
             x = checks.column("x", x)
             built = part(x)
-            self._tree = {"x": self._of_function(part, x, isinstance(built, AntiOscillators))}
+            self._tree = {
+                "x": self._inputs_of_function(part, x, isinstance(built, AntiOscillators))
+            }
 
-        self._middle: AntiOscillators = self._extracted(built)
+        self._middle: AntiOscillators = self._extracted_again(built)
         off = np.abs(self._middle.m_st - self._model.m_st).max()
-        if off > SAME_MASS_TOL * np.abs(self._model.m_st).max():
+        if off > STATIC_MASS_TOL * np.abs(self._model.m_st).max():
             raise InputError(
                 "part must give the model of this run: the mass at its site is another."
             )
 
-    def posed(self, struck: VariableImpact) -> Assembly:
+    def assembly_again(self, impact: VariableImpact) -> Assembly:
         """The impact on the model that is extracted again."""
-        return struck.posed({self.name: self._middle})
+        return impact.assembly_with({self.name: self._middle})
 
-    def numbers(self, struck: VariableImpact) -> Numbers:
+    def numbers_of_part(self, impact: VariableImpact) -> NumberTree:
         """The numbers of the part by name, each with the impact on the part that it changes."""
 
-        def posed(one: Varied) -> Number:
+        def posed(one: VariedInput) -> VariableNumber:
             value, size, model = one
             wide = size > abs(value)
-            return Number(value, size, lambda v: struck.posed({self.name: model(v)}), wide)
+            return VariableNumber(
+                value, size, lambda v: impact.assembly_with({self.name: model(v)}), wide
+            )
 
-        return mapped(posed, self._tree)  # type: ignore[no-any-return]
+        return mapped_leaves(posed, self._tree)  # type: ignore[no-any-return]
 
-    def _of_function(self, part: Callable[..., object], x: Any, fine: bool) -> list[Varied]:
+    def _inputs_of_function(
+        self, part: Callable[..., object], x: Any, fine: bool
+    ) -> list[VariedInput]:
         """The entries of the argument x of a function.
 
         fine : whether it returns models, so that no extraction limits how small steps may be.
         """
 
-        def model(i: int, value: float) -> AntiOscillators:
-            return self._extracted(part(np.where(np.arange(x.size) == i, value, x)))
+        def model_of(i: int, value: float) -> AntiOscillators:
+            return self._extracted_again(part(np.where(np.arange(x.size) == i, value, x)))
 
-        coarse = 1.0 if fine else STEP_SIZE
+        coarse = 1.0 if fine else INPUT_STEP_SCALE
         return [
-            (value, coarse * abs(value) or ZERO_SIZE, cache(partial(model, i)))
+            (value, coarse * abs(value) or ZERO_STEP_SCALE, cache(partial(model_of, i)))
             for i, value in enumerate(x.tolist())
         ]
 
-    def _of_structure(self, part: Structure) -> Numbers:
+    def _inputs_of_structure(self, part: Structure) -> NumberTree:
         """The numbers of a part's materials by name; of several materials {name: {group: …}}."""
         refuse_prestress(part, "a gradient by the numbers of a part")
         made_of: tuple[Any, Any, Any] = part.made_of or (None, {}, {})
@@ -93,15 +104,19 @@ class Models:
         several = isinstance(materials, Mapping)
         groups = materials if several else {"": materials}
 
-        def model(group: str, name: str, value: float) -> AntiOscillators:
+        def model_of(group: str, name: str, value: float) -> AntiOscillators:
             changed = replace(groups[group], **{name: value})
             made = {**groups, group: changed} if several else changed
-            return self._extracted(Structure(mesh, made, part.supports, **options))
+            return self._extracted_again(Structure(mesh, made, part.supports, **options))
 
-        tree: Numbers = {}
+        tree: NumberTree = {}
         for group, material in groups.items():
-            for name, value in values_of(material).items():
-                varied = (value, STEP_SIZE * abs(value), cache(partial(model, group, name)))
+            for name, value in material_numbers(material).items():
+                varied = (
+                    value,
+                    INPUT_STEP_SCALE * abs(value),
+                    cache(partial(model_of, group, name)),
+                )
                 if several:
                     tree.setdefault(name, {})[group] = varied
                 else:
@@ -115,7 +130,7 @@ class Models:
             )
         return tree
 
-    def _extracted(self, built: object) -> AntiOscillators:
+    def _extracted_again(self, built: object) -> AntiOscillators:
         """The model of a part, extracted with the options of the run's model."""
         if isinstance(built, AntiOscillators):
             return built
@@ -143,9 +158,13 @@ def model_name(hit: History) -> str:
     return models[0]
 
 
-def values_of(material: Any) -> dict[str, float]:
+def material_numbers(material: Any) -> dict[str, float]:
     """The numbers of a material on which K and M depend, by name."""
-    unused_names = UNUSED if getattr(material, "plane", "") is not None else UNUSED | {"thickness"}
+    unused_names = (
+        UNUSED_MATERIAL_NUMBERS
+        if getattr(material, "plane", "") is not None
+        else UNUSED_MATERIAL_NUMBERS | {"thickness"}
+    )
     names = {item.name for item in fields(material) if item.init} - unused_names
     values = {name: getattr(material, name) for name in sorted(names)}
     return {name: value for name, value in values.items() if value and isinstance(value, float)}

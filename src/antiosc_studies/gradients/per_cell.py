@@ -21,25 +21,27 @@ from antiosc.base import checks
 from antiosc.base._types import Array, Figure
 from antiosc.base.errors import InputError
 from antiosc.base.process import one_thread
-from antiosc.base.texts import Completed, percent
+from antiosc.base.texts import CompletedResult, percent
 from antiosc.extension import checked_shapes, measure, on_mesh
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc_studies.gradients.gradient import gradient
-from antiosc_studies.gradients.of_part import model_name, values_of
+from antiosc_studies.gradients.of_part import material_numbers, model_name
 
 #: Relative step of a thickness for the change of K and M.
 THICKNESS_STEP = 1e-3
 #: Largest ratios of stiffness and of mass of a part and a model that belong to each other.
-SAME_PART = 1 + 1e-4, 1 + 1e-4
+MAX_PART_RATIOS = 1 + 1e-4, 1 + 1e-4
 #: Parameters of a design map, and their units.
-BY = {"thickness": "m", "E": "Pa", "rho": "kg/m³"}
+PARAMETER_UNITS = {"thickness": "m", "E": "Pa", "rho": "kg/m³"}
 #: Quadrature degree of energies in cells: exact for strains of cubic elements; kinetic energies of
 #: these then have errors of some 1e-4.
-DEGREE = 4
+QUADRATURE_DEGREE = 4
 
 
-def by_matrices(model: AntiOscillators, by: Mapping[str, Any]) -> tuple[Array, Array]:
+def matrix_derivatives(
+    model: AntiOscillators, parameter_derivatives: Mapping[str, Any]
+) -> tuple[Array, Array]:
     """Derivatives (C, C) by K and M on the shapes of a model from those by m0, k0, m and omega.
 
     A change of both turns the static shape by -dK_0j/omega_j^2 and shape i by
@@ -47,18 +49,18 @@ def by_matrices(model: AntiOscillators, by: Mapping[str, Any]) -> tuple[Array, A
     square of p_i = phi_0' M phi_i, and m0 = phi_0' M phi_0 less the sum of them.
     """
     p, x = np.sqrt(model.m), model.omega**2
-    by_p = 2 * p * (by["m"] - by["m0"])
+    by_p = 2 * p * (parameter_derivatives["m"] - parameter_derivatives["m0"])
     differences = x[:, None] - x
     np.fill_diagonal(differences, 1.0)
     turn = by_p[:, None] * p / differences
-    np.fill_diagonal(turn, by["omega"] / (2 * model.omega))
+    np.fill_diagonal(turn, parameter_derivatives["omega"] / (2 * model.omega))
 
     K, M = np.zeros((2, model.n + 1, model.n + 1))
     K[1:, 1:] = turn
     M[1:, 1:] = -x[:, None] * turn - np.diag(by_p * p / 2)
-    K[0, 1:] = -(by_p + 2 * by["m0"] * p) / x
+    K[0, 1:] = -(by_p + 2 * parameter_derivatives["m0"] * p) / x
     M[0, 1:] = by_p
-    K[0, 0], M[0, 0] = by["k0"] or 0.0, by["m0"]
+    K[0, 0], M[0, 0] = parameter_derivatives["k0"] or 0.0, parameter_derivatives["m0"]
 
     scale = 1 / np.append(1.0, p)  # from shapes of unit mass to those of the model
     K, M = (scale[:, None] * matrix * scale for matrix in (K, M))
@@ -66,7 +68,7 @@ def by_matrices(model: AntiOscillators, by: Mapping[str, Any]) -> tuple[Array, A
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DesignMap(Completed):
+class DesignMap(CompletedResult):
     """The result of `design_map`.
 
     Attributes
@@ -140,11 +142,11 @@ def design_map(
     NotDifferentiableError
         As for `gradient`.
     """
-    checks.choice("by", by, tuple(BY))
+    checks.choice("by", by, tuple(PARAMETER_UNITS))
     checks.instance("part", part, Structure, "a Structure")
     meshed = on_mesh(part)
     name = model_name(hit)
-    checked_shapes(part, hit, name, SAME_PART)
+    checked_shapes(part, hit, name, MAX_PART_RATIOS)
     model: Any = hit.assembly.scene.bodies[name]
     g = gradient(hit, goal, contact=contact, time=time)
     by_model = g.bodies.get(name, {})
@@ -154,20 +156,22 @@ def design_map(
             " couple its modes: give gradient a function of x that builds the part, and x."
         )
 
-    by_cell = [float(values_of(material).get(by, np.nan)) for material, _ in meshed.parts]
+    by_cell = [float(material_numbers(material).get(by, np.nan)) for material, _ in meshed.parts]
     if not np.isfinite(by_cell).any():
-        raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
+        raise InputError(f"no material of the part has a {by} [{PARAMETER_UNITS[by]}] of its own.")
     relative = np.zeros(compat.cell_index_map(meshed.mesh.dolfinx).size_local)
     changes = _derivative_forms(part, meshed, by)
     size = np.sqrt(np.append(model.m_st, model.m))  # so that all shapes count alike
-    for change, matrix in zip(changes, by_matrices(model, by_model), strict=True):
+    for change, matrix in zip(changes, matrix_derivatives(model, by_model), strict=True):
         if change:
             shares, axes = np.linalg.eigh(size[:, None] * matrix * size)
             vectors = model.shapes @ (axes / size[:, None])
-            relative += compat.cell_energies(change, meshed.form.space, vectors, shares, DEGREE)
+            relative += compat.cell_energies(
+                change, meshed.form.space, vectors, shares, QUADRATURE_DEGREE
+            )
 
     value = np.array(by_cell)[meshed.part_of_cells()[: relative.size]]
-    per_mass = np.where(np.isfinite(value), relative / _masses(meshed), np.nan)
+    per_mass = np.where(np.isfinite(value), relative / _cell_masses(meshed), np.nan)
     return DesignMap(g.goal, g.value, by, relative / value, per_mass, meshed)
 
 
@@ -186,7 +190,7 @@ def _derivative_forms(
     for sign in (1, -1):
         changed_parts: list[Any] = []
         for material, cells in meshed.parts:
-            value = values_of(material).get(by)
+            value = material_numbers(material).get(by)
             scaled = {} if value is None else {by: value * (1 + sign * THICKNESS_STEP)}
             changed_parts.append((replace(material, **scaled), cells))
         form = changed_parts[0][0].weak_form(meshed.mesh, changed_parts, part.made_of[2]["order"])
@@ -197,7 +201,7 @@ def _derivative_forms(
     return K, M
 
 
-def _masses(meshed: MeshedStructure) -> Array:
+def _cell_masses(meshed: MeshedStructure) -> Array:
     """Mass [kg] of each cell of this rank."""
     cell = compat.cellwise_function(meshed.mesh.dolfinx)
     q = ufl.TestFunction(cell.function_space)

@@ -15,29 +15,35 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.texts import percent
 from antiosc.models.body import MeasuredBand, ModelInfo
-from antiosc_studies.measured.fit import Fit, Measured, fitted, support_is_unclear, with_other_noise
-from antiosc_studies.measured.frf import FRF, POWER, FittedModes, Pairs
+from antiosc_studies.measured.fit import (
+    BodyFit,
+    MeasuredReceptances,
+    is_support_unclear,
+    most_probable_fit,
+    with_other_noise,
+)
+from antiosc_studies.measured.frf import DERIVATIVE_ORDERS, FRF, FittedModes, SitePairs
 
 DampingForm = Literal["viscous", "hysteretic"]
 #: Largest number of values in a fit.
-MOST_FITTED = 100_000
+MAX_FITTED_VALUES = 100_000
 #: chi^2 over the degrees of freedom above which a poor fit is reported, …
-POOR = 2.0
+POOR_CHI2 = 2.0
 #: … unless its median error is below this: for data without noise the noise level is unknown.
-SMALL_ERROR = 0.005
+SMALL_MEDIAN_ERROR = 0.005
 #: Median |H - fit| over |H| above which a measurement is refused, …
-MOST_MISFIT = 0.5
+MAX_MISFIT = 0.5
 #: … and above which it is reported.
 ROUGH_MISFIT = 0.15
 #: Rigid-body modes that move the sites by less than this share of the largest are dropped.
-LEAST_RIGID = 0.05
+MIN_RIGID_SHARE = 0.05
 #: Least eigenvalue of a residual compliance over the largest.
-LEAST_RESIDUAL = 1e-7
+MIN_RESIDUAL_RATIO = 1e-7
 #: Shift over the lowest omega^2.
-SHIFT = 0.1
+SHIFT_RATIO = 0.1
 #: Share of the power at the driving points that leaves the part, above which the sign of the
 #: measurement is reversed, …
-WRONG_SIGN = 0.8
+REVERSED_SHARE = 0.8
 #: … and above which the sensor is not at the driving point.
 MISPLACED_SHARE = 0.2
 
@@ -85,10 +91,10 @@ def from_frf(
         checks.choice("damping", damping, get_args(DampingForm))
     if free is not None:
         checks.flag("free", free)
-    data = _with_equal_directions(_data(frf.within(band).without_sensor(sensor_mass)))
-    best = fitted(data, free, None if damping is None else damping == "hysteretic")
-    _check(data, best)
-    if free is None and support_is_unclear(data, best.modes):
+    data = _with_power_into_part(_measured_of(frf.within(band).without_sensor(sensor_mass)))
+    best = most_probable_fit(data, free, None if damping is None else damping == "hysteretic")
+    _check_fit(data, best)
+    if free is None and is_support_unclear(data, best.modes):
         _warn_unclear(data, best.modes)
 
     info = ModelInfo(
@@ -104,32 +110,33 @@ def from_frf(
     return anti_oscillators(best.modes, frf.sites, info)
 
 
-def _data(frf: FRF) -> Measured:
+def _measured_of(frf: FRF) -> MeasuredReceptances:
     """The measurement in the form that the fit needs."""
     size = max(len(frf.sites), 1)
     w = 2 * np.pi * frf.frequency
-    if frf.values.size > MOST_FITTED:
+    if frf.values.size > MAX_FITTED_VALUES:
         raise InputError(
-            f"the band holds {frf.values.size} values, more than the {MOST_FITTED} that can be"
+            f"the band holds {frf.values.size} values, more than the {MAX_FITTED_VALUES} "
+            "that can be"
             " fitted: take a narrower band, fewer sites, or every second line."
         )
 
-    pairs: Pairs = frf.pairs
+    pairs: SitePairs = frf.pairs
     if not any(m == n for m, n in pairs):
         raise InputError("no reference is among the sites: one driving point is needed.")
     sigma = frf.receptance_sigma
 
-    return Measured(
+    return MeasuredReceptances(
         w=w,
         H=frf.receptance.reshape(len(w), -1),
         pairs=pairs,
         sites=size,
         sigma=None if sigma is None else sigma.reshape(len(w), -1),
-        power=POWER[frf.quantity],
+        derivative_order=DERIVATIVE_ORDERS[frf.quantity],
     )
 
 
-def _with_equal_directions(data: Measured) -> Measured:
+def _with_power_into_part(data: MeasuredReceptances) -> MeasuredReceptances:
     """The measurement with the sign for which power flows into the part at driving points."""
     if not np.any(_driving_power(data)):
         raise InputError(
@@ -137,48 +144,50 @@ def _with_equal_directions(data: Measured) -> Measured:
             " tell damping or masses; give complex values, with their phase."
         )
 
-    outflow = _outflow(data)
-    if outflow < WRONG_SIGN:
+    outflow = _outflow_share(data)
+    if outflow < REVERSED_SHARE:
         return data
 
     warn(
         f"at the driving point {percent(outflow)} of the power flows out of the part, which has "
         "none: force and motion were taken in opposite directions, and the sign was turned."
     )
-    return Measured(data.w, -data.H, data.pairs, data.sites, data.sigma, data.power)
+    return MeasuredReceptances(
+        data.w, -data.H, data.pairs, data.sites, data.sigma, data.derivative_order
+    )
 
 
-def _outflow(data: Measured) -> float:
+def _outflow_share(data: MeasuredReceptances) -> float:
     """Power that leaves the part over all |power|, of equal forces at its driving points."""
     power = _driving_power(data)
     return float(-np.sum(np.minimum(power, 0.0)) / np.sum(np.abs(power)))
 
 
-def _driving_power(data: Measured) -> Array:
+def _driving_power(data: MeasuredReceptances) -> Array:
     """Power (W, p) into the part at the driving points, over half of the squared force."""
     driving = [column for column, (m, n) in enumerate(data.pairs) if m == n]
     return np.asarray(-data.w[:, None] * data.H[:, driving].imag)
 
 
-def _check(data: Measured, fit: Fit) -> None:
+def _check_fit(data: MeasuredReceptances, fit: BodyFit) -> None:
     """Raise an error if no body explains the measurement; warn of doubtful properties."""
     H = fit.modes.receptance(data.w, data.pairs)
     misfit = float(np.median(np.abs(data.H - H) / np.abs(data.H)))
 
-    if (outflow := _outflow(data)) > MISPLACED_SHARE:
+    if (outflow := _outflow_share(data)) > MISPLACED_SHARE:
         warn(
             f"at the driving point {percent(outflow)} of the power flows out of the part, which has"
             " none: the sensor lies beside the struck point, where modes may have another sign, or"
             " its phase is wrong; measure both at one place."
         )
 
-    if misfit > MOST_MISFIT:
+    if misfit > MAX_MISFIT:
         raise AccuracyError(
             f"no passive body explains the measurement: the best one is off by {percent(misfit)} "
             "in the median; check that it is a driving point, its quantity and its units."
         )
 
-    if misfit > ROUGH_MISFIT or (fit.chi2 > POOR and misfit > SMALL_ERROR):
+    if misfit > ROUGH_MISFIT or (fit.chi2 > POOR_CHI2 and misfit > SMALL_MEDIAN_ERROR):
         warn(
             f"the model differs from the measurement by {percent(misfit)} in the median, chi^2 ="
             f" {fit.chi2:.3g}: the noise is strong, the part not linear, or sigma too small.",
@@ -193,7 +202,7 @@ def _check(data: Measured, fit: Fit) -> None:
         )
 
 
-def _warn_unclear(data: Measured, modes: FittedModes) -> None:
+def _warn_unclear(data: MeasuredReceptances, modes: FittedModes) -> None:
     """Warn that the measurement does not show whether the part is supported."""
     assumption = "free, k0 = 0" if modes.rigid is not None else "supported"
     warn(
@@ -204,22 +213,22 @@ def _warn_unclear(data: Measured, modes: FittedModes) -> None:
     )
 
 
-def _consistent_bodies(data: Measured, fit: Fit) -> MeasuredBand:
+def _consistent_bodies(data: MeasuredReceptances, fit: BodyFit) -> MeasuredBand:
     """Other bodies, in free modes, that explain the measurement as well as the fit."""
     noisy = with_other_noise(data, fit)
-    rows = (_free_modes(modes) for modes in (*noisy, *fit.tails))
+    rows = (_free_modes_of(modes) for modes in (*noisy, *fit.other_tails))
     omega, decay, b, r = map(list, zip(*rows, strict=True))
     return MeasuredBand(top=float(data.w[-1]), draws=len(noisy), omega=omega, decay=decay, b=b, r=r)
 
 
-def _free_modes(modes: FittedModes) -> tuple[list[float], list[float], list[float], float]:
+def _free_modes_of(modes: FittedModes) -> tuple[list[float], list[float], list[float], float]:
     """Free modes (omega, decay, b, r) of a fitted body with one site, a rigid-body mode first."""
     zero = [] if modes.rigid is None else [0.0]
     rigid_b = [] if modes.rigid is None else [float(modes.rigid[0, 0])]
     omega = modes.omega.tolist()
     b = modes.b[:, 0].tolist()
     decay = (modes.zeta * modes.omega).tolist()
-    return zero + omega, zero + decay, rigid_b + b, float(modes.root[0, 0] ** 2)
+    return zero + omega, zero + decay, rigid_b + b, float(modes.residual_root[0, 0] ** 2)
 
 
 def anti_oscillators(
@@ -230,14 +239,14 @@ def anti_oscillators(
     omega = modes.omega[order]
     zeta = modes.zeta[order]
     b = modes.b[order]
-    r = modes.root @ modes.root.T
+    r = modes.residual_root @ modes.residual_root.T
 
     if modes.rigid is not None:
         size = np.linalg.norm(modes.rigid, axis=0)
-        rigid = modes.rigid.T[size > LEAST_RIGID * size.max()]
+        rigid = modes.rigid.T[size > MIN_RIGID_SHARE * size.max()]
         b = np.vstack((rigid, b))
         omega = np.append(np.zeros(len(rigid)), omega)
-    shift = SHIFT * float(omega[omega > 0][0]) ** 2 if modes.rigid is not None else 0.0
+    shift = SHIFT_RATIO * float(omega[omega > 0][0]) ** 2 if modes.rigid is not None else 0.0
     if sites:
         model = _model_of_sites(omega, b, r, sites)
     else:
@@ -258,7 +267,7 @@ def _model_of_sites(omega: Array, b: Array, r: Array, sites: tuple[str, ...]) ->
     r^-1, X = diag(omega^2); K0 = S'XS + (1 - b'S)' r^-1 (1 - b'S), M_st = S'S.
     """
     values, vectors = np.linalg.eigh(r)
-    values = np.maximum(values, LEAST_RESIDUAL * float(np.abs(r).max()))
+    values = np.maximum(values, MIN_RESIDUAL_RATIO * float(np.abs(r).max()))
     stiff = (vectors / values) @ vectors.T
 
     # singular values of a root of the stiffness: its eigenvalues would lose the low modes

@@ -16,16 +16,16 @@ from antiosc.base import checks
 from antiosc.base._types import Array, Figure
 from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
-from antiosc.base.texts import Completed
+from antiosc.base.texts import CompletedResult
 from antiosc.plot.charts import figure_or_path, legend, panels
-from antiosc_studies.measured.tables import FORCES, TIMES, by_name
+from antiosc_studies.measured.tables import FORCE_UNITS, TIME_UNITS, columns_by_name
 
 #: Number of shifts in time that are tried first.
-SHIFTS = 801
+SHIFT_COUNT = 801
 #: Number of samples of the computed force.
-SAMPLES = 4001
+SAMPLE_COUNT = 4001
 #: Fewest samples of a measured force.
-FEWEST = 8
+MIN_SAMPLES = 8
 
 
 @runtime_checkable
@@ -42,7 +42,7 @@ class ForceHistory(Protocol):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ForceComparison(Completed):
+class ForceComparison(CompletedResult):
     """A measured force compared with the computed one.
 
     Attributes
@@ -108,38 +108,40 @@ def compare(
     """
     if isinstance(hit, type) or not isinstance(hit, ForceHistory):
         raise InputError(f"hit must be the History of an impact; got {checks.shown(hit)}.")
-    t, F = _history(measured)
+    t, F = _measured_history(measured)
     time = checks.floats("hit.time", hit.time, (None,))
     force = checks.floats("hit.force", hit.force, None)
     if not np.any(force > 0) or not np.any(F > 0):
         source_text = "computed" if not np.any(force > 0) else "measured"
         raise InputError(f"the {source_text} force is nowhere > 0: there is no impact to compare.")
-    samples = np.linspace(time[0], time[-1], SAMPLES)
+    samples = np.linspace(time[0], time[-1], SAMPLE_COUNT)
     force_at = getattr(hit, "force_at", None)
     values = force_at(samples) if force_at is not None else np.interp(samples, time, force)
 
-    def computed(times: Array) -> Array:
+    def computed_force(times: Array) -> Array:
         return np.interp(times, samples, values, left=0.0, right=0.0)
 
     weight = np.gradient(t)
 
-    def squares(shift: float) -> float:
-        return float(np.sum(weight * (F - computed(t + shift)) ** 2))
+    def squared_difference(shift: float) -> float:
+        return float(np.sum(weight * (F - computed_force(t + shift)) ** 2))
 
     low = samples[0] - t[-1]
     high = samples[-1] - t[0]
-    shifts = np.linspace(low, high, SHIFTS)
+    shifts = np.linspace(low, high, SHIFT_COUNT)
     shifts = np.append(shifts, samples[int(np.argmax(values))] - t[int(np.argmax(F))])
-    best = float(shifts[int(np.argmin([squares(trial_shift) for trial_shift in shifts]))])
-    width = (high - low) / (SHIFTS - 1)
+    best = float(
+        shifts[int(np.argmin([squared_difference(trial_shift) for trial_shift in shifts]))]
+    )
+    width = (high - low) / (SHIFT_COUNT - 1)
     best_shift = minimize_scalar(
-        squares,
+        squared_difference,
         bounds=(best - width, best + width),
         method="bounded",
         options={"xatol": 1e-6 * width},
     )
-    shift = float(best_shift.x) if best_shift.fun < squares(best) else best
-    shifted = computed(t + shift)
+    shift = float(best_shift.x) if best_shift.fun < squared_difference(best) else best
+    shifted = computed_force(t + shift)
     energy = float(np.sum(weight * shifted**2))
     peak = float(shifted.max())
     if energy == 0:
@@ -152,7 +154,7 @@ def compare(
         measured=F,
         computed=shifted,
         shift=shift,
-        L2=float(np.sqrt(squares(shift) / energy)),
+        L2=float(np.sqrt(squared_difference(shift) / energy)),
         scale=scale,
         scaled_L2=float(misfit),
         peak=float(F.max()) / peak - 1,
@@ -160,21 +162,24 @@ def compare(
     )
 
 
-def _history(measured: object) -> tuple[Array, Array]:
+def _measured_history(measured: object) -> tuple[Array, Array]:
     """Times and forces of a measurement."""
     if isinstance(measured, tuple | list) and len(measured) == 2:
         arrays: Mapping[str, object] = dict(zip(("time", "force"), measured, strict=True))
     else:
         path = checks.path("measured", measured)
         check_readable(path, "a measurement")
-        columns = by_name(path, "time", "force")
-        arrays = {"time": columns["time"].in_si(TIMES), "force": columns["force"].in_si(FORCES)}
+        columns = columns_by_name(path, "time", "force")
+        arrays = {
+            "time": columns["time"].in_si(TIME_UNITS),
+            "force": columns["force"].in_si(FORCE_UNITS),
+        }
 
     t = checks.floats("the measured times", arrays["time"], (None,))
     F = checks.floats("the measured forces", arrays["force"], (None,))
-    if len(t) != len(F) or len(t) < FEWEST or np.any(np.diff(t) <= 0):
+    if len(t) != len(F) or len(t) < MIN_SAMPLES or np.any(np.diff(t) <= 0):
         raise InputError(
-            f"a measured force has {FEWEST} times or more, ascending, and one force each; got"
+            f"a measured force has {MIN_SAMPLES} times or more, ascending, and one force each; got"
             f" {len(t)} times and {len(F)} forces."
         )
 

@@ -30,10 +30,10 @@ from antiosc_studies.measured.frf import (
     TAIL_DAMPING,
     TAIL_GAP,
     FittedModes,
-    Pairs,
-    Tail,
+    SitePairs,
+    TailModes,
+    dynamic_factors,
     expected_tail,
-    factors,
     random_tail,
     with_tail,
 )
@@ -44,19 +44,19 @@ T = TypeVar("T")
 # the band by the figures below; constants without a figure change nothing. The seconds stay within
 # 25 %.
 #: Number of relocations of the poles (4e-6 with half as many, 7e-8 with twice as many).
-RELOCATED = 8
+POLE_RELOCATIONS = 8
 #: Least height of a peak of the level over its surroundings [nepers].
-PROMINENCE = 0.3
+MIN_PEAK_PROMINENCE = 0.3
 #: Least height of a peak over the noise.
-OVER_NOISE = 4.0
+MIN_PEAK_OVER_NOISE = 4.0
 #: Additional poles as a share of the number of peaks.
-SPARE = 0.4
+SPARE_POLE_SHARE = 0.4
 #: Least number of additional poles (5e-5).
-LEAST_SPARE = 4
+MIN_SPARE_POLES = 4
 #: Number of frequencies whose derivatives are computed at once.
-ROWS = 1024
+FREQUENCIES_AT_ONCE = 1024
 #: Damping ratio of the initial poles (2e-7).
-FIRST_DAMPING = 0.005
+INITIAL_DAMPING_RATIO = 0.005
 
 
 def starting_poles(w: Array, H: ComplexArray) -> ComplexArray:
@@ -65,28 +65,30 @@ def starting_poles(w: Array, H: ComplexArray) -> ComplexArray:
     noise = float(np.median(np.abs(np.diff(level, 2)))) / 1.65 if len(w) > 5 else 0.0
     if len(w) > 11:
         level = savgol_filter(level, 5, 2)
-    peaks, _ = find_peaks(level, prominence=max(PROMINENCE, OVER_NOISE * noise))
-    spare_count = max(LEAST_SPARE, int(SPARE * len(peaks)))
+    peaks, _ = find_peaks(level, prominence=max(MIN_PEAK_PROMINENCE, MIN_PEAK_OVER_NOISE * noise))
+    spare_count = max(MIN_SPARE_POLES, int(SPARE_POLE_SHARE * len(peaks)))
     positions = np.append(w[peaks], np.linspace(w[0], w[-1], spare_count + 2)[1:-1])
-    return np.sort(positions) * (1j - FIRST_DAMPING)
+    return np.sort(positions) * (1j - INITIAL_DAMPING_RATIO)
 
 
-def poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array]:
+def fitted_poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array]:
     """Frequencies [rad/s] and damping ratios of the poles of H (W, M), by vector fitting.
 
     w : (W,) circular frequencies; weight : (W, M).
     """
     top = float(w[-1])
     starts = starting_poles(w, H) / top
-    for _ in range(RELOCATED):
-        starts = _relocated(1j * w / top, H, weight, starts)
+    for _ in range(POLE_RELOCATIONS):
+        starts = _relocated_poles(1j * w / top, H, weight, starts)
     starts = starts[starts.imag > 0] * top
     omega = np.abs(starts)
     order = np.argsort(omega)
     return omega[order], (-starts.real / omega)[order]
 
 
-def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray) -> ComplexArray:
+def _relocated_poles(
+    s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray
+) -> ComplexArray:
     """Better poles from poles `a`: the zeros of sigma in the left half-plane, one of a pair."""
     is_real = a.imag == 0
     first = 1 / (s[:, None] - a)
@@ -130,92 +132,96 @@ def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray)
 
 
 #: Largest number of Gauss-Newton steps in a round (1e-6 with half as many), …
-STEPS = 8
+MAX_ROUND_STEPS = 8
 #: … at the end, …
-LAST_STEPS = 40
+MAX_FINAL_STEPS = 40
 #: … and in a fit to other noise.
-FEW_STEPS = 8
+MAX_NOISE_FIT_STEPS = 8
 #: Decrease of chi^2 below which the steps end (6e-5): far below the 1 of a standard deviation.
-CONVERGED = 0.1
+CONVERGED_CHI2_DECREASE = 0.1
 #: Largest steps in ln(omega) over the damping ratio and at all, and in ln(zeta).
-LONGEST = (3.0, 0.1, 1.0)
+MAX_STEPS = (3.0, 0.1, 1.0)
 #: Largest change of a displacement, of a and of l in one step, over its size. At zero the cost has
 #: no slope and the search ends: of the 796 values of docs/tutorials/measured.md it left a chi^2 of
 #: 2.6e6 without this limit, and leaves 795 with it.
-LARGEST_CHANGE = 0.8
+MAX_RELATIVE_CHANGE = 0.8
 #: Limits of steps that have none.
-UNLIMITED = (np.array(-np.inf), np.array(np.inf))
+NO_STEP_LIMITS = (np.array(-np.inf), np.array(np.inf))
 #: Squared slope over the largest below which the measurement does not depend on a parameter.
-FLAT = 1e-28
+FLAT_SLOPE_RATIO = 1e-28
 #: Levenberg-Marquardt damping at which the search ends.
-MOST_DAMPING = 1e8
+MAX_LEVENBERG_DAMPING = 1e8
 #: Eigenvalues of a scaled normal matrix below this share of the largest are rounding errors.
-UNSEEN = 1e-13
+EIGENVALUE_ROUNDING = 1e-13
 #: Initial size of vanishing residual terms in Gauss-Newton, over the receptance (7e-5).
-LIFTED = 1e-3
+INITIAL_RESIDUAL_RATIO = 1e-3
 #: Least relative standard deviation of a measured value.
-LEAST_NOISE = 1e-4
+MIN_RELATIVE_NOISE = 1e-4
 #: Relative variance of a fit without any residual.
-EXACT = 1e-30
+EXACT_FIT_VARIANCE = 1e-30
 #: Most steps of the search for the noise level.
-MOST_SCORES = 40
+MAX_SCORING_STEPS = 40
 #: Longest of these steps, in the logarithm of the level.
-LONGEST_SCORE = 1.0
+MAX_SCORING_STEP = 1.0
 #: Step at which the search ends, in the logarithm of the level.
-LEAST_SCORE = 1e-3
+CONVERGED_SCORING_STEP = 1e-3
 #: Largest damping ratio of a mode.
-MOST_DAMPED = 0.4
+MAX_MODE_DAMPING = 0.4
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class MeasuredReceptances:
     """Receptances of pairs of sites, with their noise."""
 
     w: Array  # (W,) [rad/s]
     H: ComplexArray  # (W, M) [m/N]
-    pairs: Pairs
+    pairs: SitePairs
     sites: int
     sigma: Array | None  # (W, M) standard deviation of the complex values
-    power: int  # H w^power was measured, with noise that may not depend on w
+    derivative_order: int  # H w^power was measured, with noise that may not depend on w
 
 
-def refined(
-    data: Measured, weight: Array, modes: FittedModes, steps: int, shift: Array | float = 0.0
+def gauss_newton(
+    data: MeasuredReceptances,
+    weight: Array,
+    modes: FittedModes,
+    steps: int,
+    shift: Array | float = 0.0,
 ) -> tuple[FittedModes, Array, float]:
     """(most probable body near `modes`, its normal matrix, chi^2 over the degrees of freedom)."""
     damping = 1e-6
-    residual = residuals(data, weight, modes) + shift
+    residual = weighted_residuals(data, weight, modes) + shift
     top = float(data.w[-1])
 
     def trial_step(step: Array) -> tuple[FittedModes, Array]:
-        trial = modes.at(modes.values + step)
-        return trial, residuals(data, weight, trial) + shift
+        trial = modes.with_values(modes.values + step)
+        return trial, weighted_residuals(data, weight, trial) + shift
 
     for _ in range(steps):
-        equations = _equations(data, weight, modes, residual)
-        limits = _limits(modes, top)
-        lowered_step, damping = lowered(*equations, residual, damping, trial_step, limits)
+        equations = _normal_equations(data, weight, modes, residual)
+        limits = _step_limits(modes, top)
+        lowered_step, damping = damped_step(*equations, residual, damping, trial_step, limits)
         if lowered_step is None:
             break
         gain = float(residual @ residual - lowered_step[1] @ lowered_step[1])
         modes, residual = lowered_step
-        if gain < CONVERGED:
+        if gain < CONVERGED_CHI2_DECREASE:
             break
 
     lines = 2 * data.H.size
-    residual = residuals(data, weight, modes)
-    normal, _ = _equations(data, weight, modes, residual)
-    freedom = max(lines - sum(modes.sizes), 1)
+    residual = weighted_residuals(data, weight, modes)
+    normal, _ = _normal_equations(data, weight, modes, residual)
+    freedom = max(lines - sum(modes.value_sizes), 1)
     return modes, normal, float(residual[:lines] @ residual[:lines]) / freedom
 
 
-def lowered(
+def damped_step(
     normal: Array,
     slope: Array,
     residual: Array,
     damping: float,
     moved: Callable[[Array], tuple[T, Array]],
-    limits: tuple[Array, Array] = UNLIMITED,
+    limits: tuple[Array, Array] = NO_STEP_LIMITS,
 ) -> tuple[tuple[T, Array] | None, float]:
     """One Gauss-Newton step to a lower cost, with as much damping as it takes.
 
@@ -225,15 +231,15 @@ def lowered(
     """
     cost = float(residual @ residual)
     diagonal = np.diag(normal)
-    size = np.sqrt(np.where(diagonal > FLAT * diagonal.max(), diagonal, np.inf))
+    size = np.sqrt(np.where(diagonal > FLAT_SLOPE_RATIO * diagonal.max(), diagonal, np.inf))
     unit = normal / size / size[:, None]
     slope = -slope / size
     finite = np.where(np.isfinite(size), size, 1.0)
 
     scaled = (limits[0] * finite, limits[1] * finite)
-    while damping < MOST_DAMPING:
+    while damping < MAX_LEVENBERG_DAMPING:
         damped = unit + damping * np.eye(len(unit))
-        trial, trial_residual = moved(_bounded(damped, slope, scaled) / size)
+        trial, trial_residual = moved(_bounded_solution(damped, slope, scaled) / size)
         if float(trial_residual @ trial_residual) < cost:
             return (trial, trial_residual), max(damping / 10, 1e-9)
         damping *= 8
@@ -241,17 +247,17 @@ def lowered(
     return None, damping
 
 
-def _limits(modes: FittedModes, top: float) -> tuple[Array, Array]:
+def _step_limits(modes: FittedModes, top: float) -> tuple[Array, Array]:
     """Lowest and highest step of each of `values`; frequencies move by a few widths of peaks."""
     in_band = modes.n_band
     count = len(modes.omega)
     damping = modes.zeta[:in_band]
-    peaks = np.minimum(LONGEST[0] * np.maximum(damping, 1e-4), LONGEST[1])
+    peaks = np.minimum(MAX_STEPS[0] * np.maximum(damping, 1e-4), MAX_STEPS[1])
     lowest_tail = np.minimum(np.log((1 + TAIL_GAP) * top / modes.omega[in_band:]), 0.0)
-    highest_tail = np.full(count - in_band, 2 * LONGEST[1])
-    most_damping = np.minimum(LONGEST[2], np.log(MOST_DAMPED / damping))
-    least_damping = np.full(in_band, -LONGEST[2])
-    sizes = LARGEST_CHANGE * _parameter_scales(modes)
+    highest_tail = np.full(count - in_band, 2 * MAX_STEPS[1])
+    most_damping = np.minimum(MAX_STEPS[2], np.log(MAX_MODE_DAMPING / damping))
+    least_damping = np.full(in_band, -MAX_STEPS[2])
+    sizes = MAX_RELATIVE_CHANGE * _parameter_scales(modes)
     low = np.concatenate((-peaks, lowest_tail, least_damping, -sizes))
     high = np.concatenate((peaks, highest_tail, most_damping, sizes))
     return low, high
@@ -261,12 +267,12 @@ def _parameter_scales(modes: FittedModes) -> Array:
     """The scale of each parameter: the norm of its mode's displacements, of a, or of l."""
     of_modes = np.linalg.norm(modes.b, axis=1)
     sizes = [np.repeat(of_modes, modes.b.shape[1])]
-    roots = zip((modes.rigid, modes.root), modes.sizes[3:], strict=True)
+    roots = zip((modes.rigid, modes.residual_root), modes.value_sizes[3:], strict=True)
     sizes += [np.full(size, np.linalg.norm(L)) for L, size in roots if L is not None]
     return np.concatenate(sizes)
 
 
-def _bounded(matrix: Array, right: Array, limits: tuple[Array, Array]) -> Array:
+def _bounded_solution(matrix: Array, right: Array, limits: tuple[Array, Array]) -> Array:
     """Solve `matrix` x = `right` within limits: components beyond one are fixed at it, and the
     others solved again.
 
@@ -288,24 +294,24 @@ def _bounded(matrix: Array, right: Array, limits: tuple[Array, Array]) -> Array:
     return x
 
 
-def residuals(data: Measured, weight: Array, modes: FittedModes) -> Array:
+def weighted_residuals(data: MeasuredReceptances, weight: Array, modes: FittedModes) -> Array:
     """Weighted residuals: real parts, imaginary parts, then those of the tail."""
     misfit = weight * (modes.receptance(data.w, data.pairs) - data.H)
-    return np.append(whitened(misfit.reshape(-1)), modes.expected())
+    return np.append(whitened(misfit.reshape(-1)), modes.tail_deviations())
 
 
-def _equations(
-    data: Measured, weight: Array, modes: FittedModes, residual: Array
+def _normal_equations(
+    data: MeasuredReceptances, weight: Array, modes: FittedModes, residual: Array
 ) -> tuple[Array, Array]:
-    """J'J (n, n) and J' residual (n,), J being the derivatives of `residuals` by `values`."""
+    """J'J (n, n) and J' residual (n,), J the derivatives of `weighted_residuals` by `values`."""
     lines = 2 * data.H.size
     misfit = residual[:lines].reshape(2, *data.H.shape)
-    J = modes.expected_jacobian()
+    J = modes.tail_jacobian()
     normal = J.T @ J
 
     slope = J.T @ residual[lines:]
-    for rows in _blocks(len(data.w)):
-        complex_J = _derivatives(data, weight, modes, rows)
+    for rows in _row_blocks(len(data.w)):
+        complex_J = _receptance_derivatives(data, weight, modes, rows)
         J = whitened(complex_J.reshape(-1, complex_J.shape[2]))
         normal += J.T @ J
         slope += J.T @ misfit[:, rows].ravel()
@@ -313,12 +319,16 @@ def _equations(
     return normal, slope
 
 
-def _blocks(count: int) -> list[slice]:
+def _row_blocks(count: int) -> list[slice]:
     """Slices that divide `count` rows into blocks."""
-    return [slice(first, first + ROWS) for first in range(0, count, ROWS)]
+    return [
+        slice(first, first + FREQUENCIES_AT_ONCE) for first in range(0, count, FREQUENCIES_AT_ONCE)
+    ]
 
 
-def _derivatives(data: Measured, weight: Array, modes: FittedModes, rows: slice) -> ComplexArray:
+def _receptance_derivatives(
+    data: MeasuredReceptances, weight: Array, modes: FittedModes, rows: slice
+) -> ComplexArray:
     """Weighted derivatives (rows, M, n) of the receptances by `values`."""
     return modes.jacobian(data.w[rows], data.pairs) * weight[rows, :, None]
 
@@ -332,27 +342,27 @@ def covariance(normal: Array) -> Array:
     """The inverse of a normal matrix; directions that are not observed get no variance."""
     size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(normal / size / size[:, None])
-    observed = values > UNSEEN * values[-1]
+    observed = values > EIGENVALUE_ROUNDING * values[-1]
     half = vectors[:, observed] / np.sqrt(values[observed])
     return np.asarray(half @ half.T / size / size[:, None])
 
 
-def without_zeros(data: Measured, modes: FittedModes) -> FittedModes:
+def with_nonzero_terms(data: MeasuredReceptances, modes: FittedModes) -> FittedModes:
     """The body with small values in place of vanishing terms, where the cost has no gradient."""
     low = slice(len(data.w) // 8 + 1)
-    size = LIFTED * float(np.median(np.abs(data.H)))
-    mass = LIFTED * float(np.median(np.abs(data.H[low]) * data.w[low, None] ** 2))
+    size = INITIAL_RESIDUAL_RATIO * float(np.median(np.abs(data.H)))
+    mass = INITIAL_RESIDUAL_RATIO * float(np.median(np.abs(data.H[low]) * data.w[low, None] ** 2))
     rigid = modes.rigid
     in_band = modes.n_band
     b = modes.b.copy()
-    smallest = np.sqrt(LIFTED * modes.tail.b2)
+    smallest = np.sqrt(INITIAL_RESIDUAL_RATIO * modes.tail.squared_displacements)
     b[in_band:] = np.where(np.abs(b[in_band:]) < smallest, smallest, b[in_band:])
 
     return replace(
         modes,
         b=b,
         rigid=None if rigid is None else _with_least_diagonal(rigid, mass),
-        root=_with_least_diagonal(modes.root, size),
+        residual_root=_with_least_diagonal(modes.residual_root, size),
     )
 
 
@@ -363,75 +373,77 @@ def _with_least_diagonal(root: Array, least: float) -> Array:
     return np.asarray(root + np.diag(np.where(small, np.sqrt(least) - diagonal, 0.0)))
 
 
-def noise(data: Measured, modes: FittedModes) -> Array:
+def noise_sigma(data: MeasuredReceptances, modes: FittedModes) -> Array:
     """Most likely standard deviations (W, M): a share of |H| plus a floor."""
     fit = modes.receptance(data.w, data.pairs)
     squares = np.abs(data.H - fit) ** 2
     size = np.abs(fit) ** 2
-    floor = np.broadcast_to(data.w[:, None] ** (-2.0 * data.power), squares.shape)
-    scales = np.array([[np.mean(squares / size) + EXACT], [np.mean(squares / floor)]])
+    floor = np.broadcast_to(data.w[:, None] ** (-2.0 * data.derivative_order), squares.shape)
+    scales = np.array([[np.mean(squares / size) + EXACT_FIT_VARIANCE], [np.mean(squares / floor)]])
     kinds = scales * np.array([size.ravel(), floor.ravel()])
-    fits = [_variances(squares.ravel(), kinds, start) for start in ((0.9, 0.01), (0.01, 0.9))]
+    fits = [_noise_variances(squares.ravel(), kinds, start) for start in ((0.9, 0.01), (0.01, 0.9))]
     variance = min(
         fits, key=lambda variances: float(np.sum(np.log(variances) + squares.ravel() / variances))
     )
-    return np.asarray(np.sqrt(np.maximum(variance.reshape(squares.shape), LEAST_NOISE**2 * size)))
+    return np.asarray(
+        np.sqrt(np.maximum(variance.reshape(squares.shape), MIN_RELATIVE_NOISE**2 * size))
+    )
 
 
-def _variances(squares: Array, kinds: Array, start: tuple[float, float]) -> Array:
+def _noise_variances(squares: Array, kinds: Array, start: tuple[float, float]) -> Array:
     """Most likely variances of two kinds of noise by Fisher's scoring, from squares (N,)."""
     x = np.log(start)
-    for _ in range(MOST_SCORES):
+    for _ in range(MAX_SCORING_STEPS):
         parts = np.exp(x)[:, None] * kinds
         variance = np.sum(parts, axis=0)
         share = parts / variance
         slope = share @ (squares / variance - 1)
         change = np.linalg.solve(share @ share.T + squares.size * 1e-9 * np.eye(2), slope)
-        x = x + np.clip(change, -LONGEST_SCORE, LONGEST_SCORE)
-        if np.all(np.abs(change) < LEAST_SCORE):
+        x = x + np.clip(change, -MAX_SCORING_STEP, MAX_SCORING_STEP)
+        if np.all(np.abs(change) < CONVERGED_SCORING_STEP):
             break
 
     return np.asarray(np.exp(x) @ kinds)
 
 
 #: Standard deviations by which a mode's displacement must exceed 0 for the mode to be kept.
-SIGNIFICANCE = 6.0
+KEEPING_SIGMAS = 6.0
 #: Standard deviations by which a mode's part in the residual must exceed 0 for it to be added.
-ADD_SIGNIFICANCE = 5.5
+ADDING_SIGMAS = 5.5
 #: Rounds of adding and dropping modes.
-ROUNDS = 10
+MAX_ROUNDS = 10
 #: Largest number of modes added in one round.
-AT_ONCE = 12
+MAX_MODES_PER_ROUND = 12
 #: Least damping ratio of a pole that becomes a mode.
-LEAST_DAMPED = 1e-6
+MIN_MODE_DAMPING = 1e-6
 #: Number of residual peaks where a mode is sought.
-PLACES = 40
+RESIDUAL_PEAK_COUNT = 40
 #: Trial damping ratios of a sought mode, over the typical one of the modes found so far.
-WIDTHS = (0.4, 1.0, 2.5)
+TRIAL_DAMPING_FACTORS = (0.4, 1.0, 2.5)
 #: Number of bodies fitted with other noise.
-DRAWS = 8
+NOISE_DRAWS = 8
 #: Number of other tails from which the fit starts again, each tried twice.
-STARTS = 4
+TAIL_DRAWS = 4
 #: Increase of the cost up to which a body counts as probable.
-PROBABLE = 20.0
+PROBABLE_COST_INCREASE = 20.0
 #: Number of bodies that always count.
-FEW_BODIES = 3
+MIN_BODIES = 3
 #: Least squared rigid-body motion over the modes' mean, if the lowest line shows none: without
 #: noise spurious motions of 1e-11 to 1e-3 appear in the fit (measured).
-LEAST_MOTION = 0.01
+MIN_SENSED_MOTION = 0.01
 #: Share of the lowest line that may be neither mass nor spring if the line shows which of the two.
 AMBIGUOUS_SHARE = 0.5
 #: Number of the lowest lines that tell a free body from a supported one: at higher lines a
 #: rigid-body motion may merely compensate a poor tail.
-LOWEST = 5
+LOWEST_LINE_COUNT = 5
 #: Largest misfit at the lowest lines of a free body over that of a supported one.
-MISFIT_RATIO = 2.0
+MAX_FREE_MISFIT_RATIO = 2.0
 #: Ratio of the weights after and before a round below which the noise level has converged.
-SETTLED = 1.05
+SETTLED_WEIGHT_RATIO = 1.05
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class BodyFit:
     """The most probable body of a fit."""
 
     modes: FittedModes
@@ -439,76 +451,85 @@ class Fit:
     chi2: float  # chi-squared divided by the degrees of freedom
     cost: float  # minus twice the logarithm of its probability
     #: bodies that are hardly less probable, with other modes above the band
-    tails: tuple[FittedModes, ...] = ()
+    other_tails: tuple[FittedModes, ...] = ()
 
 
-def fitted(data: Measured, free: bool | None, hysteretic: bool | None) -> Fit:
+def most_probable_fit(
+    data: MeasuredReceptances, free: bool | None, hysteretic: bool | None
+) -> BodyFit:
     """The most probable body among forms of damping and of support."""
     weight = 1 / (np.abs(data.H) if data.sigma is None else data.sigma)
-    modes = _initial(data, weight, free, bool(hysteretic))
+    modes = _initial_modes(data, weight, free, bool(hysteretic))
     best_round = (modes, weight, np.zeros(0))
     lowest = np.inf
 
-    count = AT_ONCE
-    for _ in range(ROUNDS):
-        modes, normal, _ = refined(data, weight, without_zeros(data, modes), STEPS)
+    count = MAX_MODES_PER_ROUND
+    for _ in range(MAX_ROUNDS):
+        modes, normal, _ = gauss_newton(
+            data, weight, with_nonzero_terms(data, modes), MAX_ROUND_STEPS
+        )
         if data.sigma is None:
-            weight = 1 / noise(data, modes)
-        score = _cost(data, weight, modes) + SIGNIFICANCE**2 * modes.n_band
+            weight = 1 / noise_sigma(data, modes)
+        score = _log_probability_cost(data, weight, modes) + KEEPING_SIGMAS**2 * modes.n_band
         if score < lowest:
             best_round = (modes, weight, normal)
             lowest = score
         elif count > 1:  # so many modes at once have led the search astray
             modes, weight, normal = best_round
             count //= 4
-        significant = _significant(modes, covariance(normal))
+        significant = _significant_modes(modes, covariance(normal))
         modes = modes.with_band_modes(
             *(values[: modes.n_band][significant] for values in _mode_parameters(modes))
         )
-        extended = _with_more(data, weight, modes, count)
+        extended = _with_further_modes(data, weight, modes, count)
         if extended is None and significant.all():
             break
         modes = modes if extended is None else extended
         modes = with_tail(modes, expected_tail(modes, float(data.w[-1])))
 
     modes, weight, _ = best_round
-    best = _finished(data, weight, modes)
+    best = _converged_fit(data, weight, modes)
 
     if free is None:  # rigid-body motion must stand above the misfit
-        supported = _finished(data, weight, replace(modes, rigid=None))
-        clear = supported.cost - best.cost >= SIGNIFICANCE**2 * max(best.chi2, 1.0)
-        has_rigid_motion = _low_misfit(data, best.modes) < MISFIT_RATIO * _low_misfit(
-            data, supported.modes
-        )
-        if _rigid_is_small(data, best.modes) or not (clear and has_rigid_motion):
+        supported = _converged_fit(data, weight, replace(modes, rigid=None))
+        clear = supported.cost - best.cost >= KEEPING_SIGMAS**2 * max(best.chi2, 1.0)
+        has_rigid_motion = _low_frequency_misfit(
+            data, best.modes
+        ) < MAX_FREE_MISFIT_RATIO * _low_frequency_misfit(data, supported.modes)
+        if _is_rigid_motion_small(data, best.modes) or not (clear and has_rigid_motion):
             best = supported
 
     bodies = [best.modes, *_other_tails(data, best)]
-    fits = [_finished(data, best.weight, body) for body in _ranked(data, best, bodies)[:2]]
+    fits = [
+        _converged_fit(data, best.weight, body) for body in _probable_bodies(data, best, bodies)[:2]
+    ]
     best = min(fits, key=attrgetter("cost"))
     if hysteretic is None:
-        hysteretic_fit = _finished(data, best.weight, replace(best.modes, hysteretic=True))
+        hysteretic_fit = _converged_fit(data, best.weight, replace(best.modes, hysteretic=True))
         best = min(best, hysteretic_fit, key=attrgetter("cost"))
-    return replace(best, tails=tuple(_ranked(data, best, [*bodies[1:], *_other_tails(data, best)])))
+    return replace(
+        best,
+        other_tails=tuple(_probable_bodies(data, best, [*bodies[1:], *_other_tails(data, best)])),
+    )
 
 
-def _low_misfit(data: Measured, modes: FittedModes) -> float:
+def _low_frequency_misfit(data: MeasuredReceptances, modes: FittedModes) -> float:
     """Mean relative misfit of the lowest frequencies, which depend most on rigid-body motion."""
-    low = slice(LOWEST)
+    low = slice(LOWEST_LINE_COUNT)
     fit = modes.receptance(data.w[low], data.pairs)
     return float(np.mean(np.abs(fit / data.H[low] - 1)))
 
 
-def _rigid_is_small(data: Measured, modes: FittedModes) -> bool:
+def _is_rigid_motion_small(data: MeasuredReceptances, modes: FittedModes) -> bool:
     """Whether the fitted rigid-body motion is too small to be that of a free part."""
     if modes.rigid is None:
         return True
     mean = np.mean(modes.b[: modes.n_band] ** 2, axis=0) if modes.n_band else 0.0
-    small = np.all(np.sum(modes.rigid**2, axis=1) < LEAST_MOTION * mean)
-    return bool(small) and support_is_unclear(data, modes)
+    small = np.all(np.sum(modes.rigid**2, axis=1) < MIN_SENSED_MOTION * mean)
+    return bool(small) and is_support_unclear(data, modes)
 
 
-def support_is_unclear(data: Measured, modes: FittedModes) -> bool:
+def is_support_unclear(data: MeasuredReceptances, modes: FittedModes) -> bool:
     """Whether the lowest frequency shows neither mass nor stiffness at the most mobile point."""
     driving = [column for column, (m, n) in enumerate(data.pairs) if m == n]
     H = modes.receptance(data.w[:1], data.pairs)[0]
@@ -516,56 +537,64 @@ def support_is_unclear(data: Measured, modes: FittedModes) -> bool:
     m = data.pairs[column][0]
 
     if modes.rigid is None:
-        dominant = np.sum((modes.b[:, m] / modes.omega) ** 2) + np.sum(modes.root[m] ** 2)
+        dominant = np.sum((modes.b[:, m] / modes.omega) ** 2) + np.sum(modes.residual_root[m] ** 2)
     else:
         dominant = -np.sum(modes.rigid[m] ** 2) / data.w[0] ** 2
 
     return bool(abs(H[column] - dominant) > AMBIGUOUS_SHARE * abs(H[column]))
 
 
-def _finished(data: Measured, weight: Array, modes: FittedModes) -> Fit:
+def _converged_fit(data: MeasuredReceptances, weight: Array, modes: FittedModes) -> BodyFit:
     """The converged fit that starts from these modes."""
-    for _ in range(ROUNDS):
-        modes, _, chi2 = refined(data, weight, without_zeros(data, modes), LAST_STEPS)
+    for _ in range(MAX_ROUNDS):
+        modes, _, chi2 = gauss_newton(
+            data, weight, with_nonzero_terms(data, modes), MAX_FINAL_STEPS
+        )
         if data.sigma is not None:
             break
         old_weight = weight
-        weight = 1 / noise(data, modes)
-        if np.median(weight / old_weight) < SETTLED:
+        weight = 1 / noise_sigma(data, modes)
+        if np.median(weight / old_weight) < SETTLED_WEIGHT_RATIO:
             break
 
-    return Fit(modes, weight, chi2, _cost(data, weight, modes))
+    return BodyFit(modes, weight, chi2, _log_probability_cost(data, weight, modes))
 
 
-def _cost(data: Measured, weight: Array, modes: FittedModes) -> float:
+def _log_probability_cost(data: MeasuredReceptances, weight: Array, modes: FittedModes) -> float:
     """Minus twice the logarithm of a body's probability."""
-    residual = residuals(data, weight, modes)
+    residual = weighted_residuals(data, weight, modes)
     return float(residual @ residual - 4 * np.sum(np.log(weight)))
 
 
-def _ranked(data: Measured, fit: Fit, bodies: list[FittedModes]) -> list[FittedModes]:
+def _probable_bodies(
+    data: MeasuredReceptances, fit: BodyFit, bodies: list[FittedModes]
+) -> list[FittedModes]:
     """Those of `bodies` that are nearly as probable as the fit, in order; at least FEW_BODIES."""
-    costs = [_cost(data, fit.weight, body) for body in bodies]
+    costs = [_log_probability_cost(data, fit.weight, body) for body in bodies]
     order = np.argsort(costs)
     lowest = min(costs)
     return [
-        bodies[i] for k, i in enumerate(order) if k < FEW_BODIES or costs[i] < lowest + PROBABLE
+        bodies[i]
+        for k, i in enumerate(order)
+        if k < MIN_BODIES or costs[i] < lowest + PROBABLE_COST_INCREASE
     ]
 
 
 # -- the initial body
 
 
-def _initial(data: Measured, weight: Array, free: bool | None, hysteretic: bool) -> FittedModes:
+def _initial_modes(
+    data: MeasuredReceptances, weight: Array, free: bool | None, hysteretic: bool
+) -> FittedModes:
     """Initial modes: poles of vector fitting with residues by least squares."""
-    omega, zeta = poles(data.w, data.H, weight)
+    omega, zeta = fitted_poles(data.w, data.H, weight)
     low = data.w[0] * (1 - TAIL_GAP)
     top = data.w[-1] * (1 + TAIL_GAP)
-    in_band = (omega > low) & (omega < top) & (zeta < MOST_DAMPED) & (zeta > LEAST_DAMPED)
+    in_band = (omega > low) & (omega < top) & (zeta < MAX_MODE_DAMPING) & (zeta > MIN_MODE_DAMPING)
     omega = omega[in_band]
     zeta = zeta[in_band]
     high_poles = data.w[-1] * np.array([1.2, 1.6, 2.5])
-    D = factors(
+    D = dynamic_factors(
         data.w, np.append(omega, high_poles), np.append(zeta, np.full(3, TAIL_DAMPING)), hysteretic
     )
     basis: ComplexArray = np.hstack([D, np.ones((len(D), 1)), -1 / data.w[:, None] ** 2])
@@ -579,16 +608,20 @@ def _initial(data: Measured, weight: Array, free: bool | None, hysteretic: bool)
         solution = np.linalg.lstsq(whitened(A) / size, right, rcond=None)[0] / size
         residues[: len(solution), m, n] = residues[: len(solution), n, m] = solution
 
-    residues = _completed(residues, data.pairs)
-    b = np.array([rank_one(residue) for residue in residues[: len(omega)]]).reshape(-1, data.sites)
-    no_tail = Tail(np.zeros(0), np.zeros(0), np.zeros((0, data.sites)), np.zeros(0))
-    rigid = None if free is False else _root(residues[-1])
-    modes = FittedModes(omega, zeta, b, no_tail, _root(residues[-2]), rigid, hysteretic)
+    residues = _completed_residues(residues, data.pairs)
+    b = np.array([rank_one_vector(residue) for residue in residues[: len(omega)]]).reshape(
+        -1, data.sites
+    )
+    no_tail = TailModes(np.zeros(0), np.zeros(0), np.zeros((0, data.sites)), np.zeros(0))
+    rigid = None if free is False else _semidefinite_root(residues[-1])
+    modes = FittedModes(
+        omega, zeta, b, no_tail, _semidefinite_root(residues[-2]), rigid, hysteretic
+    )
     modes = modes.with_band_modes(*_mode_parameters(modes))
     return with_tail(modes, expected_tail(modes, float(data.w[-1])))
 
 
-def _completed(residues: Array, pairs: Pairs) -> Array:
+def _completed_residues(residues: Array, pairs: SitePairs) -> Array:
     """Residues (n, p, p) with missing driving points completed as for rank one."""
     driven = sorted({m for m, n in pairs if m == n})
     for residue in residues:
@@ -601,13 +634,13 @@ def _completed(residues: Array, pairs: Pairs) -> Array:
     return residues
 
 
-def rank_one(residue: Array) -> Array:
+def rank_one_vector(residue: Array) -> Array:
     """b (p,) of the rank-one matrix b b' nearest to a residue."""
     values, vectors = np.linalg.eigh(residue)
     return np.asarray(np.sqrt(max(values[-1], 0.0)) * vectors[:, -1])
 
 
-def _root(matrix: Array) -> Array:
+def _semidefinite_root(matrix: Array) -> Array:
     """A lower triangle L with L L' near the positive semidefinite part of the matrix."""
     values, vectors = np.linalg.eigh(matrix)
     floor = 1e-9 * float(np.abs(values).max()) + np.finfo(float).tiny
@@ -622,27 +655,32 @@ def _mode_parameters(modes: FittedModes) -> tuple[Array, Array, Array]:
 # -- adding and dropping modes
 
 
-def _significant(modes: FittedModes, spreads: Array) -> BoolArray:
+def _significant_modes(modes: FittedModes, spreads: Array) -> BoolArray:
     """Mask of the modes in the band that move some site significantly."""
     displacement = modes.b[: modes.n_band]
     first = len(modes.omega) + modes.n_band
     sigma = np.sqrt(np.diag(spreads)[first : first + displacement.size]).reshape(displacement.shape)
-    return np.asarray(np.any(np.abs(displacement) > SIGNIFICANCE * sigma, axis=1))
+    return np.asarray(np.any(np.abs(displacement) > KEEPING_SIGMAS * sigma, axis=1))
 
 
-def _with_more(data: Measured, weight: Array, modes: FittedModes, most: int) -> FittedModes | None:
-    """The body with at most `most` further modes at peaks of the residual; None without any."""
+def _with_further_modes(
+    data: MeasuredReceptances, weight: Array, modes: FittedModes, max_modes: int
+) -> FittedModes | None:
+    """The body with at most `max_modes` further modes at peaks of the residual.
+
+    None without any.
+    """
     misfit = weight * (data.H - modes.receptance(data.w, data.pairs))
-    J = np.empty((*data.H.shape, sum(modes.sizes)), dtype=complex)
-    for rows in _blocks(len(data.w)):
-        J[rows] = _derivatives(data, weight, modes, rows)
+    J = np.empty((*data.H.shape, sum(modes.value_sizes)), dtype=complex)
+    for rows in _row_blocks(len(data.w)):
+        J[rows] = _receptance_derivatives(data, weight, modes, rows)
     typical = float(np.median(modes.zeta[: modes.n_band])) if modes.n_band else TAIL_DAMPING
     smooth = np.convolve(np.sum(np.abs(misfit) ** 2, axis=1), np.ones(5) / 5, mode="same")
     peaks = np.flatnonzero((smooth[1:-1] >= smooth[:-2]) & (smooth[1:-1] >= smooth[2:])) + 1
-    peaks = peaks[np.argsort(-smooth[peaks])][:PLACES]
-    omega = np.repeat(data.w[peaks], len(WIDTHS))
-    zeta = np.tile(typical * np.array(WIDTHS), len(peaks))
-    D = factors(data.w, omega, zeta, modes.hysteretic)
+    peaks = peaks[np.argsort(-smooth[peaks])][:RESIDUAL_PEAK_COUNT]
+    omega = np.repeat(data.w[peaks], len(TRIAL_DAMPING_FACTORS))
+    zeta = np.tile(typical * np.array(TRIAL_DAMPING_FACTORS), len(peaks))
+    D = dynamic_factors(data.w, omega, zeta, modes.hysteretic)
     score = np.full(len(omega), -np.inf)
 
     compliance = np.zeros((len(omega), data.sites, data.sites))
@@ -659,16 +697,16 @@ def _with_more(data: Measured, weight: Array, modes: FittedModes, most: int) -> 
 
     peak_lines: list[int] = []
     for i in np.argsort(-score):
-        if score[i] < ADD_SIGNIFICANCE or len(peak_lines) == most:
+        if score[i] < ADDING_SIGMAS or len(peak_lines) == max_modes:
             break
         if all(abs(omega[i] - omega[k]) > 3 * typical * omega[i] for k in peak_lines):
             peak_lines.append(int(i))
 
     if not peak_lines:
         return None
-    parts = _completed(compliance[peak_lines], data.pairs)
+    parts = _completed_residues(compliance[peak_lines], data.pairs)
     in_band = modes.n_band
-    b = np.array([rank_one(part) for part in parts])
+    b = np.array([rank_one_vector(part) for part in parts])
 
     return modes.with_band_modes(
         np.append(modes.omega[:in_band], omega[peak_lines]),
@@ -680,28 +718,28 @@ def _with_more(data: Measured, weight: Array, modes: FittedModes, most: int) -> 
 # -- other possible bodies
 
 
-def with_other_noise(data: Measured, fit: Fit) -> list[FittedModes]:
+def with_other_noise(data: MeasuredReceptances, fit: BodyFit) -> list[FittedModes]:
     """Bodies fitted to the measurement with other random noise (seeded)."""
     random = np.random.default_rng(0)
     lines = 2 * data.H.size
 
     models = []
-    for _ in range(DRAWS):
-        shift = np.zeros(lines + len(fit.modes.expected()))
+    for _ in range(NOISE_DRAWS):
+        shift = np.zeros(lines + len(fit.modes.tail_deviations()))
         shift[:lines] = random.standard_normal(lines) * max(fit.chi2, 1.0) ** 0.5
-        start = without_zeros(data, fit.modes)
-        models.append(refined(data, fit.weight, start, FEW_STEPS, shift)[0])
+        start = with_nonzero_terms(data, fit.modes)
+        models.append(gauss_newton(data, fit.weight, start, MAX_NOISE_FIT_STEPS, shift)[0])
 
     return models
 
 
-def _other_tails(data: Measured, fit: Fit) -> list[FittedModes]:
+def _other_tails(data: MeasuredReceptances, fit: BodyFit) -> list[FittedModes]:
     """Bodies with other, equally probable tails (seeded by the number of modes)."""
     random = np.random.default_rng(fit.modes.n_band)
     models = []
-    for _ in range(max(STARTS // data.sites, 1)):
+    for _ in range(max(TAIL_DRAWS // data.sites, 1)):
         tail = random_tail(fit.modes.tail, float(data.w[-1]), random)
-        start = without_zeros(data, with_tail(fit.modes, tail))
-        models.append(refined(data, fit.weight, start, LAST_STEPS)[0])
+        start = with_nonzero_terms(data, with_tail(fit.modes, tail))
+        models.append(gauss_newton(data, fit.weight, start, MAX_FINAL_STEPS)[0])
 
     return models

@@ -7,7 +7,7 @@ Between the sites m and n, at the circular frequency w,
 
 modes of rank one, rigid-body motions a, and a residual compliance l l'. Every term is semidefinite,
 so that the body is passive for all parameters. The last modes lie above the measured band and have
-prior expectations (`Tail`).
+prior expectations (`TailModes`).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
 
 #: Columns of a measurement: (response, excitation) as numbers of sites.
-Pairs = list[tuple[int, int]]
+SitePairs = list[tuple[int, int]]
 # In parentheses: largest relative change of |Z| in the band for half and twice the value, models
 # from 500 values of a supported and of a free part with four modes and 2 % noise.
 #: The lowest mode above the band lies above the band's top by at least this share (8e-4, 1e-4).
@@ -34,31 +34,31 @@ TAIL_GAP = 0.02
 #: Damping ratio of the tail if no mode is seen (none here).
 TAIL_DAMPING = 0.01
 #: Least squared displacement of a mode of the tail over the expected one.
-LEAST_SQUARE = 1e-3
+MIN_TAIL_SQUARE = 1e-3
 #: Highest frequency of the modes above the band over the band's top (5e-4, 4e-3).
-TAIL_END = 5.0
+TAIL_TOP_RATIO = 5.0
 #: Least spacing of these modes over their frequency (3e-4, 1e-3).
-TAIL_STEP = 0.15
+MIN_TAIL_SPACING = 0.15
 #: Number of modes in the band whose mean spacing and mean square they continue (5e-4, 1e-6).
-CONTINUED_MODES = 6
+CONTINUED_MODE_COUNT = 6
 #: Standard deviation of the frequency of such a mode over the spacing (8e-4, 3e-4).
-SPREAD = 0.5
+TAIL_FREQUENCY_SIGMA = 0.5
 #: Standard deviation of its squared displacement over the mean (1e-4, 5e-5).
-DOUBT = 1.0
+TAIL_SQUARE_SIGMA = 1.0
 #: Variance of the relative mean square times the number of averaged modes.
-MEAN_VARIANCE = 2.0
+MEAN_SQUARE_VARIANCE = 2.0
 #: Standard deviation of the logarithm of a common factor on all spacings (2e-4, 2e-3).
-SPACING_SIGMA = 0.3
+SPACING_LOG_SIGMA = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class Tail:
+class TailModes:
     """Expected modes above the band, with their uncertainty."""
 
     omega: Array  # (U,) [rad/s]
-    spread: Array  # (U,) relative standard deviations of the frequencies
-    b2: Array  # (U, p) squared displacements [1/kg]
-    doubt: Array  # (U,) relative standard deviations of the squares
+    frequency_sigma: Array  # (U,) relative standard deviations of the frequencies
+    squared_displacements: Array  # (U, p) squared displacements [1/kg]
+    square_sigma: Array  # (U,) relative standard deviations of the squares
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +69,9 @@ class FittedModes:
     omega: Array
     zeta: Array
     b: Array  # (J, p) displacements of the sites in modes of unit mass [kg^-1/2]
-    tail: Tail  # prior expectations of the last U modes; their damping ratios are fixed
+    tail: TailModes  # prior expectations of the last U modes; their damping ratios are fixed
     #: root, rigid: (p, p) l and a, lower triangles [(m/N)^1/2], [kg^-1/2]; rigid None: supported
-    root: Array
+    residual_root: Array
     rigid: Array | None = None
     hysteretic: bool = False  # the form of the damping
 
@@ -80,18 +80,18 @@ class FittedModes:
         """Number of modes in the band."""
         return len(self.omega) - len(self.tail.omega)
 
-    def receptance(self, w: Array, pairs: Pairs) -> ComplexArray:
+    def receptance(self, w: Array, pairs: SitePairs) -> ComplexArray:
         """H (W, M) of the pairs at circular frequencies (W,) [rad/s]."""
-        D = factors(w, self.omega, self.zeta, self.hysteretic)
+        D = dynamic_factors(w, self.omega, self.zeta, self.hysteretic)
         m, n = np.array(pairs).T
-        H = D @ (self.b[:, m] * self.b[:, n]) + (self.root @ self.root.T)[m, n]
+        H = D @ (self.b[:, m] * self.b[:, n]) + (self.residual_root @ self.residual_root.T)[m, n]
         if self.rigid is not None:
             H = H - (self.rigid @ self.rigid.T)[m, n] / w[:, None] ** 2
         return np.asarray(H)
 
-    def jacobian(self, w: Array, pairs: Pairs) -> ComplexArray:
+    def jacobian(self, w: Array, pairs: SitePairs) -> ComplexArray:
         """Derivatives (W, M, n) of H by the fitted `values`."""
-        D = factors(w, self.omega, self.zeta, self.hysteretic)
+        D = dynamic_factors(w, self.omega, self.zeta, self.hysteretic)
         m, n = np.array(pairs).T
         column = w[:, None]
         p = self.b.shape[1]
@@ -109,57 +109,65 @@ class FittedModes:
         products[columns, :, m] += self.b[:, n].T
         products[columns, :, n] += self.b[:, m].T
         blocks.append((D[:, None, :, None] * products).reshape(len(w), len(pairs), -1))
-        for L, factor in ((self.rigid, -1 / column**2), (self.root, np.ones_like(column))):
+        for L, factor in ((self.rigid, -1 / column**2), (self.residual_root, np.ones_like(column))):
             if L is not None:
                 blocks.append(factor[:, :, None] * _root_slopes(L, m, n))
 
         return np.concatenate(blocks, axis=2)
 
-    def expected(self) -> Array:
+    def tail_deviations(self) -> Array:
         """Deviations (E,) of the tail from its expected values, in standard deviations."""
         omega = self.omega[self.n_band :]
         b = self.b[self.n_band :]
         tail = self.tail
-        deviation = (b**2 - tail.b2) / (tail.doubt[:, None] * tail.b2)
-        return np.append(np.log(omega / tail.omega) / tail.spread, deviation)
+        deviation = (b**2 - tail.squared_displacements) / (
+            tail.square_sigma[:, None] * tail.squared_displacements
+        )
+        return np.append(np.log(omega / tail.omega) / tail.frequency_sigma, deviation)
 
-    def expected_jacobian(self) -> Array:
-        """Derivatives (E, n) of `expected` by `values`."""
+    def tail_jacobian(self) -> Array:
+        """Derivatives (E, n) of `tail_deviations` by `values`."""
         in_band = self.n_band
         p = self.b.shape[1]
         U = len(self.tail.omega)
-        J = np.zeros((U + U * p, sum(self.sizes)))
-        J[np.arange(U), in_band + np.arange(U)] = 1 / self.tail.spread
+        J = np.zeros((U + U * p, sum(self.value_sizes)))
+        J[np.arange(U), in_band + np.arange(U)] = 1 / self.tail.frequency_sigma
         first = len(self.omega) + in_band + in_band * p
-        slope = 2 * self.b[in_band:] / (self.tail.doubt[:, None] * self.tail.b2)
+        slope = (
+            2
+            * self.b[in_band:]
+            / (self.tail.square_sigma[:, None] * self.tail.squared_displacements)
+        )
         J[U + np.arange(U * p), first + np.arange(U * p)] = slope.ravel()
         return J
 
     @property
-    def sizes(self) -> list[int]:
+    def value_sizes(self) -> list[int]:
         """Numbers of omega, zeta, b, rigid and root among `values`, in this order."""
-        triangle = len(self.root) * (len(self.root) + 1) // 2
+        triangle = len(self.residual_root) * (len(self.residual_root) + 1) // 2
         rigid = 0 if self.rigid is None else triangle
         return [len(self.omega), self.n_band, self.b.size, rigid, triangle]
 
     @property
     def values(self) -> Array:
         """All parameters: ln omega, ln zeta of modes in the band, b, a and l."""
-        lower = _lower(len(self.root))
+        lower = _lower_indices(len(self.residual_root))
         parts = [np.log(self.omega), np.log(self.zeta[: self.n_band]), self.b.ravel()]
-        return np.concatenate(parts + [L[lower] for L in (self.rigid, self.root) if L is not None])
+        return np.concatenate(
+            parts + [L[lower] for L in (self.rigid, self.residual_root) if L is not None]
+        )
 
-    def at(self, values: Array) -> FittedModes:
+    def with_values(self, values: Array) -> FittedModes:
         """The body with other `values`."""
-        omega, zeta, b, rigid, root = np.split(values, np.cumsum(self.sizes)[:-1])
-        p = len(self.root)
+        omega, zeta, b, rigid, root = np.split(values, np.cumsum(self.value_sizes)[:-1])
+        p = len(self.residual_root)
         return replace(
             self,
             omega=np.exp(omega),
             zeta=np.append(np.exp(zeta), self.zeta[self.n_band :]),
             b=b.reshape(self.b.shape),
-            root=_triangle(root, p),
-            rigid=None if self.rigid is None else _triangle(rigid, p),
+            residual_root=_lower_triangle(root, p),
+            rigid=None if self.rigid is None else _lower_triangle(rigid, p),
         )
 
     def with_band_modes(self, omega: Array, zeta: Array, b: Array) -> FittedModes:
@@ -174,7 +182,7 @@ class FittedModes:
         )
 
 
-def factors(w: Array, omega: Array, zeta: Array, hysteretic: bool) -> ComplexArray:
+def dynamic_factors(w: Array, omega: Array, zeta: Array, hysteretic: bool) -> ComplexArray:
     """Dynamic factors D (W, J) of modes at circular frequencies (W,)."""
     frequencies = w[:, None]
 
@@ -192,21 +200,21 @@ def factors(w: Array, omega: Array, zeta: Array, hysteretic: bool) -> ComplexArr
 
 def _root_slopes(L: Array, m: Index, n: Index) -> Array:
     """Derivatives (M, p(p+1)/2) of (L L')_mn by the lower triangle of L."""
-    rows, columns = _lower(len(L))
+    rows, columns = _lower_indices(len(L))
     by_m = (m[:, None] == rows) * L[n][:, columns]
     by_n = (n[:, None] == rows) * L[m][:, columns]
     return np.asarray(by_m + by_n, dtype=float)
 
 
-def _triangle(values: Array, size: int) -> Array:
+def _lower_triangle(values: Array, size: int) -> Array:
     """A lower triangle from its values."""
     L = np.zeros((size, size))
-    L[_lower(size)] = values
+    L[_lower_indices(size)] = values
     return L
 
 
 @cache
-def _lower(size: int) -> tuple[Index, Index]:
+def _lower_indices(size: int) -> tuple[Index, Index]:
     """Row and column indices of a lower triangle."""
     return np.tril_indices(size)
 
@@ -214,12 +222,12 @@ def _lower(size: int) -> tuple[Index, Index]:
 # -- prior expectation of the modes above the band: they continue the last modes in it
 
 
-def expected_tail(modes: FittedModes, top: float) -> Tail:
+def expected_tail(modes: FittedModes, top: float) -> TailModes:
     """Expected modes above `top` [rad/s], whose spacings grow from those of the last modes."""
     in_band = modes.n_band
     omega = modes.omega[:in_band]
-    last = slice(max(in_band - CONTINUED_MODES, 0), in_band)
-    last_frequencies = np.append(0.0, omega)[-CONTINUED_MODES - 1 :]
+    last = slice(max(in_band - CONTINUED_MODE_COUNT, 0), in_band)
+    last_frequencies = np.append(0.0, omega)[-CONTINUED_MODE_COUNT - 1 :]
     spacing = (
         max(
             float(last_frequencies[-1] - last_frequencies[0]) / max(len(last_frequencies) - 1, 1),
@@ -228,68 +236,82 @@ def expected_tail(modes: FittedModes, top: float) -> Tail:
         if in_band
         else top
     )
-    rigid = modes.root if modes.rigid is None else modes.rigid
+    rigid = modes.residual_root if modes.rigid is None else modes.rigid
     smallest_squares = np.sum(rigid**2, axis=1) * (top**2 if modes.rigid is None else 0.5)
-    mean = np.sum(modes.b[last] ** 2, axis=0) / max(min(in_band, CONTINUED_MODES), 1)
+    mean = np.sum(modes.b[last] ** 2, axis=0) / max(min(in_band, CONTINUED_MODE_COUNT), 1)
     b2 = np.maximum(mean, smallest_squares) + np.finfo(float).tiny
     frequencies = [max((float(omega[-1]) if in_band else 0.0) + spacing, (1 + 2 * TAIL_GAP) * top)]
     steps = []
-    while frequencies[-1] < TAIL_END * top or len(frequencies) < 3:
-        steps.append(max(spacing, TAIL_STEP * frequencies[-1]))
+    while frequencies[-1] < TAIL_TOP_RATIO * top or len(frequencies) < 3:
+        steps.append(max(spacing, MIN_TAIL_SPACING * frequencies[-1]))
         frequencies.append(frequencies[-1] + steps[-1])
 
     step = np.array([*steps, steps[-1]])
     merged = np.maximum(step / spacing, 1.0)
-    doubt = np.sqrt(DOUBT**2 / merged + MEAN_VARIANCE / max(in_band, 0.5))
+    doubt = np.sqrt(TAIL_SQUARE_SIGMA**2 / merged + MEAN_SQUARE_VARIANCE / max(in_band, 0.5))
 
-    return Tail(
-        np.array(frequencies), SPREAD * step / np.array(frequencies), merged[:, None] * b2, doubt
+    return TailModes(
+        np.array(frequencies),
+        TAIL_FREQUENCY_SIGMA * step / np.array(frequencies),
+        merged[:, None] * b2,
+        doubt,
     )
 
 
-def with_tail(modes: FittedModes, tail: Tail) -> FittedModes:
+def with_tail(modes: FittedModes, tail: TailModes) -> FittedModes:
     """The body with a tail of expected size; the displacements of its modes have random signs."""
     in_band = modes.n_band
     U = len(tail.omega)
     typical = float(np.median(modes.zeta[:in_band])) if in_band else TAIL_DAMPING
-    signs = np.random.default_rng(0).choice((-1.0, 1.0), tail.b2.shape)
+    signs = np.random.default_rng(0).choice((-1.0, 1.0), tail.squared_displacements.shape)
     signs[:, 0] = 1.0
 
     return replace(
         modes,
         omega=np.append(modes.omega[:in_band], tail.omega),
         zeta=np.append(modes.zeta[:in_band], np.full(U, typical)),
-        b=np.vstack((modes.b[:in_band], signs * np.sqrt(tail.b2))),
+        b=np.vstack((modes.b[:in_band], signs * np.sqrt(tail.squared_displacements))),
         tail=tail,
     )
 
 
-def random_tail(tail: Tail, top: float, random: np.random.Generator) -> Tail:
+def random_tail(tail: TailModes, top: float, random: np.random.Generator) -> TailModes:
     """Another tail above `top` [rad/s], drawn at random, with a factor common to all spacings."""
     U = len(tail.omega)
-    stretch = np.exp(SPACING_SIGMA * random.standard_normal())
+    stretch = np.exp(SPACING_LOG_SIGMA * random.standard_normal())
     omega = top + stretch * (tail.omega - top)
-    omega = omega * np.exp(tail.spread * random.standard_normal(U))
-    b2 = stretch * tail.b2 * np.abs(1 + tail.doubt[:, None] * random.standard_normal(tail.b2.shape))
+    omega = omega * np.exp(tail.frequency_sigma * random.standard_normal(U))
+    b2 = (
+        stretch
+        * tail.squared_displacements
+        * np.abs(
+            1
+            + tail.square_sigma[:, None] * random.standard_normal(tail.squared_displacements.shape)
+        )
+    )
     omega = np.maximum(np.sort(omega), (1 + TAIL_GAP) * top)
-    return replace(tail, omega=omega, b2=np.maximum(b2, LEAST_SQUARE * tail.b2))
+    return replace(
+        tail,
+        omega=omega,
+        squared_displacements=np.maximum(b2, MIN_TAIL_SQUARE * tail.squared_displacements),
+    )
 
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
 #: Power of iw between the receptance and what was measured.
-POWER: dict[str, int] = {name: power for power, name in enumerate(get_args(Quantity))}
+DERIVATIVE_ORDERS: dict[str, int] = {name: power for power, name in enumerate(get_args(Quantity))}
 #: Least number of frequencies of a measurement.
-FEWEST_LINES = 16
+MIN_FREQUENCY_LINES = 16
 #: Largest number of values of a measurement: 0.3 GB of complex numbers.
-MOST_VALUES = 20_000_000
+MAX_MEASURED_VALUES = 20_000_000
 #: Excess of a coherence above 1 that counts as rounding.
 COHERENCE_ROUNDING = 1e-6
 #: Least coherence that is used.
-LEAST_COHERENCE = 1e-4
+MIN_COHERENCE = 1e-4
 #: Default number of averaged blows.
-AVERAGES = 5
+DEFAULT_AVERAGES = 5
 #: Least |1 + w^2 m H| at which a sensor's mass can be removed.
-LEAST_SENSOR = 1e-3
+MIN_SENSOR_FACTOR = 1e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -327,7 +349,7 @@ class FRF(ReprMixin):
     values: ComplexArray
     quantity: Quantity
     coherence: Array | None = None
-    averages: int = AVERAGES
+    averages: int = DEFAULT_AVERAGES
     sigma: Array | None = None
     sites: tuple[str, ...] = ()
     references: tuple[str, ...] | None = None
@@ -336,12 +358,14 @@ class FRF(ReprMixin):
         checks.choice("quantity", self.quantity, get_args(Quantity))
         f = checks.floats("frequency", self.frequency, (None,))
         values = checks.spectrum("values", self.values).astype(complex)
-        names = _names("sites", self.sites)
-        forced = names if self.references is None else _names("references", self.references)
+        names = _checked_names("sites", self.sites)
+        forced = names if self.references is None else _checked_names("references", self.references)
         if self.references is not None and (unknown := sorted(set(forced) - set(names))):
             raise InputError(f"references name {checks.shown(unknown)}, not among the sites.")
-        if values.size > MOST_VALUES:
-            raise InputError(f"values has {values.size} entries; at most {MOST_VALUES} are taken.")
+        if values.size > MAX_MEASURED_VALUES:
+            raise InputError(
+                f"values has {values.size} entries; at most {MAX_MEASURED_VALUES} are taken."
+            )
 
         shape = (len(f), len(names), len(forced)) if names else (len(f),)
         if values.shape != shape:
@@ -353,9 +377,9 @@ class FRF(ReprMixin):
             raise InputError("frequency must ascend, from 0 Hz or above.")
 
         nonzero = f > 0
-        if np.count_nonzero(nonzero) < FEWEST_LINES:
+        if np.count_nonzero(nonzero) < MIN_FREQUENCY_LINES:
             raise InputError(
-                f"a measurement needs {FEWEST_LINES} frequencies above 0 Hz or more; got"
+                f"a measurement needs {MIN_FREQUENCY_LINES} frequencies above 0 Hz or more; got"
                 f" {np.count_nonzero(nonzero)}."
             )
 
@@ -417,14 +441,14 @@ class FRF(ReprMixin):
             return None
 
         # of a complex H1 estimate: (1 - gamma^2)/(gamma^2 n) of |H|^2 (Bendat and Piersol)
-        gamma = np.clip(self.coherence, LEAST_COHERENCE, 1 - 1e-8)
+        gamma = np.clip(self.coherence, MIN_COHERENCE, 1 - 1e-8)
 
         return np.asarray(
             np.abs(self.values) / scale * np.sqrt((1 - gamma) / gamma / self.averages)
         )
 
     @property
-    def pairs(self) -> Pairs:
+    def pairs(self) -> SitePairs:
         """(response, excitation) of the columns as numbers of sites."""
         if not self.sites:
             return [(0, 0)]
@@ -436,7 +460,9 @@ class FRF(ReprMixin):
     def _power(self) -> ComplexArray:
         """(iw)^power, with as many dimensions as `values`."""
         iw = 2j * np.pi * self.frequency
-        return np.asarray((iw ** POWER[self.quantity]).reshape(-1, *[1] * (self.values.ndim - 1)))
+        return np.asarray(
+            (iw ** DERIVATIVE_ORDERS[self.quantity]).reshape(-1, *[1] * (self.values.ndim - 1))
+        )
 
     def within(self, band: ArrayLike | None) -> FRF:
         """The lines within a band (low, high) [Hz]; InputError if it holds too few."""
@@ -451,11 +477,11 @@ class FRF(ReprMixin):
 
         f = self.frequency
         in_band = (f >= low) & (f <= high)
-        if np.count_nonzero(in_band) < FEWEST_LINES:
+        if np.count_nonzero(in_band) < MIN_FREQUENCY_LINES:
             raise InputError(
                 f"the band {low:g} to {high:g} Hz holds {np.count_nonzero(in_band)} of the "
                 "lines from"
-                f" {f[0]:g} to {f[-1]:g} Hz; {FEWEST_LINES} or more are needed."
+                f" {f[0]:g} to {f[-1]:g} Hz; {MIN_FREQUENCY_LINES} or more are needed."
             )
 
         return replace(
@@ -502,7 +528,7 @@ class FRF(ReprMixin):
         H = self.receptance.reshape(-1, p, p)
         x = ((2 * np.pi * self.frequency) ** 2)[:, None, None]
         loading = np.eye(p) + x * m[:, None] * H
-        if np.linalg.svd(loading, compute_uv=False).min() < LEAST_SENSOR:
+        if np.linalg.svd(loading, compute_uv=False).min() < MIN_SENSOR_FACTOR:
             raise InputError(
                 f"a sensor of {m.max():g} kg moves almost alone at some frequency, so that its mass"
                 " cannot be removed: check sensor_mass (in kg) and the units of the measurement."
@@ -529,7 +555,7 @@ def checked_quantity(quantity: Quantity | None) -> Quantity:
     return quantity
 
 
-def _names(name: str, names_given: Sequence[str]) -> tuple[str, ...]:
+def _checked_names(name: str, names_given: Sequence[str]) -> tuple[str, ...]:
     """Checked names, all different."""
     checks.instance(name, names_given, (list, tuple), "a list of names")
     names = tuple(checks.name(f"a name in {name}", one_name) for one_name in names_given)

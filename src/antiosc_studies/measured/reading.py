@@ -15,34 +15,40 @@ from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.archives import read_arrays
 from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
-from antiosc.base.files import LARGEST_READ, check_readable
-from antiosc_studies.measured.frf import AVERAGES, FRF, Quantity, checked_quantity
-from antiosc_studies.measured.tables import FREQUENCIES, by_name, plain, response_unit, unknown_unit
+from antiosc.base.files import MAX_READ_BYTES, check_readable
+from antiosc_studies.measured.frf import DEFAULT_AVERAGES, FRF, Quantity, checked_quantity
+from antiosc_studies.measured.tables import (
+    FREQUENCY_UNITS,
+    columns_by_name,
+    plain_unit,
+    response_unit,
+    unknown_unit_error,
+)
 
 #: Function type of a frequency response in data set 58.
-RESPONSE = 4
+RESPONSE_FUNCTION = 4
 #: Function type of a coherence there.
-COHERENCE = 6
+COHERENCE_FUNCTION = 6
 #: Data types of the ordinate -> measured quantity; data types of a force in the denominator.
-MOTIONS: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
-FORCES = (0, 9, 13)  # unknown, reaction force, excitation force
-AXES = "xyz"
+MOTION_DATA_TYPES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
+FORCE_DATA_TYPES = (0, 9, 13)  # unknown, reaction force, excitation force
+AXIS_NAMES = "xyz"
 
 
 #: An end of a function: entity, node, axis.
-End: TypeAlias = tuple[str, int, int]
+FunctionEnd: TypeAlias = tuple[str, int, int]
 #: Contents of a file by name: fields of a data set as pyuff returns them, or arrays.
 DataSet: TypeAlias = Mapping[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Function:
+class UniversalFunction:
     """One function of a universal file; `sign` is the product of the signs of its directions."""
 
-    response: End
-    reference: End
+    response: FunctionEnd
+    reference: FunctionEnd
     sign: int
-    coherence: bool
+    is_coherence: bool
     quantity: Quantity | None
     factor: float | None
     label: str
@@ -50,7 +56,7 @@ class Function:
     values: ComplexArray
 
 
-def functions(path: Path) -> list[Function]:
+def functions_of_file(path: Path) -> list[UniversalFunction]:
     """The frequency responses and coherences of a universal file."""
     try:
         import pyuff
@@ -76,11 +82,11 @@ def functions(path: Path) -> list[Function]:
     measured = []
     for data_set in sets:
         if data_set["type"] == 164:
-            scale = _units(data_set)
-        elif data_set.get("func_type") in (RESPONSE, COHERENCE):
-            measured.append(_function(data_set, scale))
+            scale = _unit_scale(data_set)
+        elif data_set.get("func_type") in (RESPONSE_FUNCTION, COHERENCE_FUNCTION):
+            measured.append(_function_of(data_set, scale))
 
-    if all(function.coherence for function in measured):
+    if all(function.is_coherence for function in measured):
         raise InputError(
             f"{path.name} holds no frequency response (data set 58, function type 4); it has"
             f" {'data sets ' + ', '.join(map(str, sorted(set(types)))) if types else 'none'}."
@@ -89,7 +95,7 @@ def functions(path: Path) -> list[Function]:
     return measured
 
 
-def _units(data_set: DataSet) -> float:
+def _unit_scale(data_set: DataSet) -> float:
     """Units of the file for 1 m/N, from its data set 164."""
     length = data_set.get("length")
     force = data_set.get("force")
@@ -98,15 +104,15 @@ def _units(data_set: DataSet) -> float:
     return abs(float(force) / float(length))
 
 
-def _function(data_set: DataSet, scale: float) -> Function:
+def _function_of(data_set: DataSet, scale: float) -> UniversalFunction:
     """The function of a data set 58."""
     try:
         count = int(data_set["num_pts"])
         values = np.asarray(data_set["data"])
         f = np.asarray(data_set["x"], dtype=float)
-        ends = [_end(data_set, side) for side in ("rsp", "ref")]
+        ends = [_function_end(data_set, side) for side in ("rsp", "ref")]
         labels = [data_set.get(n) for n in ("ordinate_axis_units_lab", "orddenom_axis_units_lab")]
-        numerator, denominator = map(plain, labels)
+        numerator, denominator = map(plain_unit, labels)
         motion = int(data_set["ordinate_spec_data_type"])
         force = int(data_set["orddenom_spec_data_type"])
     except (KeyError, TypeError, ValueError) as error:
@@ -118,8 +124,8 @@ def _function(data_set: DataSet, scale: float) -> Function:
         raise InputError(
             f"a data set 58 announces {count} values and holds {len(values)}: the file is cut."
         )
-    coherence = data_set["func_type"] == COHERENCE
-    if not coherence and force not in FORCES:
+    coherence = data_set["func_type"] == COHERENCE_FUNCTION
+    if not coherence and force not in FORCE_DATA_TYPES:
         raise InputError(
             f"a frequency response is per data type {force}, not per force (13): response per"
             " response is no receptance."
@@ -128,12 +134,12 @@ def _function(data_set: DataSet, scale: float) -> Function:
     factor, by_label = response_unit(numerator, denominator) if numerator else (scale, None)
     (response, sign), (reference, reference_sign) = ends
 
-    return Function(
+    return UniversalFunction(
         response=response,
         reference=reference,
         sign=sign * reference_sign,
-        coherence=coherence,
-        quantity=MOTIONS.get(motion, by_label),
+        is_coherence=coherence,
+        quantity=MOTION_DATA_TYPES.get(motion, by_label),
         factor=factor,
         label=" / ".join(str(unit_label or "").strip() for unit_label in labels),
         frequency=f,
@@ -141,7 +147,7 @@ def _function(data_set: DataSet, scale: float) -> Function:
     )
 
 
-def _end(data_set: DataSet, side: str) -> tuple[End, int]:
+def _function_end(data_set: DataSet, side: str) -> tuple[FunctionEnd, int]:
     """((entity, node, axis), sign of the axis) of a function's response or reference."""
     name = str(data_set.get(f"{side}_ent_name", "")).strip()
     node = int(data_set[f"{side}_node"])
@@ -153,13 +159,13 @@ def _end(data_set: DataSet, side: str) -> tuple[End, int]:
 # -- selection of functions
 
 
-def _end_text(end: End) -> str:
+def _end_text(end: FunctionEnd) -> str:
     """An end as text: node and axis."""
     name, node, axis = end
-    return f"{name or node}{AXES[axis - 1] if 1 <= axis <= 3 and not name else ''}"
+    return f"{name or node}{AXIS_NAMES[axis - 1] if 1 <= axis <= 3 and not name else ''}"
 
 
-def _driving(measured: list[Function]) -> End:
+def _only_driving_point(measured: list[UniversalFunction]) -> FunctionEnd:
     """The only driving point of a file; InputError if there are none or several."""
     ends = {function.response for function in measured if function.response == function.reference}
     if len(ends) == 1:
@@ -171,7 +177,7 @@ def _driving(measured: list[Function]) -> End:
     )
 
 
-def _end_of(measured: list[Function], name: str | int) -> End:
+def _end_of(measured: list[UniversalFunction], name: str | int) -> FunctionEnd:
     """The end in a file that `name` refers to: an entity, a node, or node and axis ("12z")."""
     wanted_name = str(name).strip().lower()
     ends = {end for function in measured for end in (function.response, function.reference)}
@@ -188,7 +194,7 @@ def _end_of(measured: list[Function], name: str | int) -> End:
 
 
 def selected_responses(
-    functions: list[Function],
+    functions: list[UniversalFunction],
     site: str | int | Mapping[str, str | int] | None,
     quantity: Quantity | None,
     unit: float | None,
@@ -198,10 +204,10 @@ def selected_responses(
 
     Arguments as for `read_frf`.
     """
-    measured = [function for function in functions if not function.coherence]
+    measured = [function for function in functions if not function.is_coherence]
 
     if site is None:
-        ends = {"": _driving(measured)}
+        ends = {"": _only_driving_point(measured)}
     elif isinstance(site, str | int) and not isinstance(site, bool):
         ends = {"": _end_of(measured, site)}
     else:
@@ -213,9 +219,9 @@ def selected_responses(
         raise InputError("a site is a displacement; rotations (directions 4 to 6) are not taken.")
 
     places = list(ends.values())
-    pairs: dict[tuple[End, End, bool], Function] = {}
+    pairs: dict[tuple[FunctionEnd, FunctionEnd, bool], UniversalFunction] = {}
     for function in functions:
-        key = (function.response, function.reference, function.coherence)
+        key = (function.response, function.reference, function.is_coherence)
         if key in pairs and function.response in places and function.reference in places:
             raise InputError(
                 f"the file has the response {_end_text(function.response)} per force at"
@@ -268,7 +274,7 @@ def read_frf(
     *,
     quantity: Quantity | None = None,
     unit: float | None = None,
-    averages: int = AVERAGES,
+    averages: int = DEFAULT_AVERAGES,
 ) -> FRF:
     """Measured frequency response functions from a file.
 
@@ -312,11 +318,11 @@ def read_frf(
     try:
         check_readable(file, "a measurement")
         if ending in (".uff", ".unv", ".58"):
-            frfs = functions(file)
+            frfs = functions_of_file(file)
             return selected_responses(frfs, site, quantity, unit, averages)
         if site is not None:
             raise InputError("site belongs to universal files; a table has one driving point.")
-        arrays = _arrays(file) if ending == ".npz" else _of_table(file, factor)
+        arrays = _arrays_of_file(file) if ending == ".npz" else _arrays_of_table(file, factor)
         return _frf_of_arrays(arrays, quantity, factor or 1.0, averages)
     except AntioscError as error:
         if file.name in str(error):
@@ -324,23 +330,23 @@ def read_frf(
         raise type(error)(f"{file.name}: {error}") from error
 
 
-def _of_table(path: Path, factor: float | None) -> DataSet:
+def _arrays_of_table(path: Path, factor: float | None) -> DataSet:
     """The arrays of a table in SI units; responses are unchanged if their `factor` is given."""
-    columns = by_name(path, "frequency", "real", "imag")
+    columns = columns_by_name(path, "frequency", "real", "imag")
     quantities: set[Quantity] = set()
 
     def response(name: str) -> Array:
         column = columns[name]
         if factor is not None or not column.unit:
             return column.values
-        scale, quantity = response_unit(plain(column.unit))
+        scale, quantity = response_unit(plain_unit(column.unit))
         if scale is None or quantity is None:
-            raise unknown_unit(column, "m/N, (m/s)/N, (m/s²)/N, mm/N, g/N, or give unit=")
+            raise unknown_unit_error(column, "m/N, (m/s)/N, (m/s²)/N, mm/N, g/N, or give unit=")
         quantities.add(quantity)
         return scale * column.values
 
     arrays: dict[str, Any] = {
-        "frequency": columns["frequency"].in_si(FREQUENCIES),
+        "frequency": columns["frequency"].in_si(FREQUENCY_UNITS),
         "values": response("real") + 1j * response("imag"),
     }
     if "sigma" in columns:
@@ -373,10 +379,10 @@ def _frf_of_arrays(arrays: DataSet, quantity: Quantity | None, factor: float, av
     return FRF(arrays["frequency"], values, quantity, averages=averages, **optional)
 
 
-def _arrays(path: Path) -> DataSet:
+def _arrays_of_file(path: Path) -> DataSet:
     """The arrays of a NumPy file."""
     expected = "a NumPy file of arrays (.npz)"
-    arrays: dict[str, Any] = dict(read_arrays(path, LARGEST_READ, expected, "fiucU"))
+    arrays: dict[str, Any] = dict(read_arrays(path, MAX_READ_BYTES, expected, "fiucU"))
     if "quantity" in arrays:
         arrays["quantity"] = str(arrays["quantity"])
     return {name: array for name, array in arrays.items() if name != "told"}

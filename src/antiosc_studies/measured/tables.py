@@ -15,19 +15,19 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc_studies.measured.frf import Quantity
 
-#: Units as `plain` writes them -> factor to SI, and for frequencies to Hz.
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
-FREQUENCIES = {"Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / pi}
-FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "lbf": 4.4482216152605}
-STRAINS = {"-": 1.0, "m/m": 1.0, "um/m": 1e-6, "µm/m": 1e-6}
+#: Units as `plain_unit` writes them -> factor to SI, and for frequencies to Hz.
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
+FREQUENCY_UNITS = {"Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / pi}
+FORCE_UNITS = {"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "lbf": 4.4482216152605}
+STRAIN_UNITS = {"-": 1.0, "m/m": 1.0, "um/m": 1e-6, "µm/m": 1e-6}
 #: The same of motions, by the quantity that they are per force.
-MOTIONS: dict[Quantity, dict[str, float]] = {
+MOTION_UNITS: dict[Quantity, dict[str, float]] = {
     "receptance": {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254},
     "mobility": {"m/s": 1.0, "mm/s": 1e-3, "in/s": 0.0254},
     "accelerance": {"m/s2": 1.0, "mm/s2": 1e-3, "g": 9.80665, "in/s2": 0.0254},
 }
 #: A name and a unit in brackets.
-_CELL = re.compile(r"^(.*?)\s*(?:[\[(](.*)[\])])?$")
+_HEADER_CELL = re.compile(r"^(.*?)\s*(?:[\[(](.*)[\])])?$")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +38,17 @@ class Column:
     unit: str
     values: Array
 
-    def in_si(self, known: Mapping[str, float]) -> Array:
-        """The numbers in SI units, frequencies in Hz; InputError for units that are not `known`."""
+    def in_si(self, units: Mapping[str, float]) -> Array:
+        """The numbers in SI units, frequencies in Hz; InputError for units that `units` "
+        "does not have."""
         if not self.unit:
             return self.values
-        if plain(self.unit) not in known:
-            raise unknown_unit(self, ", ".join(known))
-        return known[plain(self.unit)] * self.values
+        if plain_unit(self.unit) not in units:
+            raise unknown_unit_error(self, ", ".join(units))
+        return units[plain_unit(self.unit)] * self.values
 
 
-def unknown_unit(column: Column, known: str) -> InputError:
+def unknown_unit_error(column: Column, known: str) -> InputError:
     """The error for an unknown unit in a header."""
     return InputError(
         f"the unit {checks.shown(column.unit)} of the column {checks.shown(column.name)} is not"
@@ -55,7 +56,7 @@ def unknown_unit(column: Column, known: str) -> InputError:
     )
 
 
-def plain(unit: object) -> str:
+def plain_unit(unit: object) -> str:
     """A unit without blanks, brackets and signs of powers."""
     text = re.sub(r"[\s()\[\]^]|\*\*", "", str(unit or "")).replace("²", "2").replace("μ", "µ")
     return "" if text.lower() in ("none", "unknown") else text
@@ -67,18 +68,18 @@ def response_unit(numerator: str, denominator: str = "") -> tuple[float | None, 
     if not denominator:
         motion, _, force = numerator.rpartition("/")
 
-    if force not in FORCES:
+    if force not in FORCE_UNITS:
         if denominator:
             return None, None
         motion, force = numerator, "N"
 
-    for quantity, units in MOTIONS.items():
+    for quantity, units in MOTION_UNITS.items():
         if motion.lower() in units:
-            return units[motion.lower()] / FORCES[force], quantity
+            return units[motion.lower()] / FORCE_UNITS[force], quantity
     return None, None
 
 
-def table(path: Path) -> list[Column]:
+def columns_of_table(path: Path) -> list[Column]:
     """The columns of a table, separated by commas, whose first line names them."""
     try:
         header, *lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -100,15 +101,15 @@ def table(path: Path) -> list[Column]:
 
     columns = []
     for cell, numbers in zip(cells, values.T, strict=True):
-        match = _CELL.match(cell.strip())
+        match = _HEADER_CELL.match(cell.strip())
         assert match is not None
         columns.append(Column(match[1].lower(), match[2] or "", numbers))
     return columns
 
 
-def by_name(path: Path, *names: str) -> dict[str, Column]:
+def columns_by_name(path: Path, *names: str) -> dict[str, Column]:
     """The columns of a table by their names, these among them."""
-    found = {column.name: column for column in table(path)}
+    found = {column.name: column for column in columns_of_table(path)}
     if missing := [name for name in names if name not in found]:
         raise InputError(
             f"{path.name} has no column {missing[0]}: name its columns {', '.join(names)}, each"

@@ -204,7 +204,7 @@ def test_case_control_and_names_in_comments(tmp_path):
     found = bulk(tmp_path, text)
     assert found.selected == {("SPC", 0): 3, ("MPC", 0): 4, ("SPC", 1): 5, ("MPC", 1): 6}
     assert found.names == {7: "skin", 8: "a rib", 9: "block", 10: "web", 11: "flange"}
-    assert [entry.whole(0) for entry in found.entries] == [1, 2]
+    assert [entry.integer(0) for entry in found.entries] == [1, 2]
 
 
 LIST = [str(k) for k in (1, 123, *range(10, 22))]

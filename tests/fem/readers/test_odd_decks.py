@@ -58,7 +58,7 @@ def read(folder, name: str, text: str | bytes):
         if name.endswith("inp")
         else (nastran, nastran_model.model_of)
     )
-    found = reader.read(Sources(path, path.name))
+    found = reader.read_deck(Sources(path, path.name))
     return model_of(found, UnitSystem.of("mm"), MaterialDefaults()), found.deck
 
 
@@ -222,7 +222,7 @@ def written(name: str) -> Counter[str]:
 @pytest.mark.parametrize("name", FILES)
 def test_as_many_cards_come_out_as_go_in(name):
     path = DECKS / name
-    account = READERS[path.suffix].read(Sources(path, name)).account
+    account = READERS[path.suffix].read_deck(Sources(path, name)).account
     assert Counter(card.lstrip("*") for card, _, _ in account.cards) == written(name)
     counts = Counter(fate.kind for _, _, fate in account.cards)
     assert set(counts) <= {"read", "harmless", "ignored"}
@@ -253,7 +253,7 @@ def deck_in(name: str, unit: str) -> tuple[str, UnitSystem]:
 def read_in(path: Path, text: str, units: UnitSystem) -> tuple[dict[str, Any], Deck]:
     path.write_text(text, encoding="latin-1")
     reader, model = PAIRS[path.name]
-    found = reader.read(Sources(path, path.name))
+    found = reader.read_deck(Sources(path, path.name))
     return model.model_of(found, units, MaterialDefaults()), found.deck
 
 

@@ -326,7 +326,7 @@ def test_thin_open_sections_have_the_torsion_of_their_walls(case):
     found = profile(*case)
     assert pytest.approx(sum(length * t**3 for length, t in OPEN[case]) / 3) == found.J
     assert pytest.approx(sum(length * t for length, t in OPEN[case])) == found.A
-    assert found.shear == 0.5
+    assert found.shear_coefficient == 0.5
 
 
 # --- Beams whose neutral axis lies beside the shear centre, against closed forms ------------------

@@ -37,7 +37,7 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.checks import Checked
 from antiosc.base.errors import NotConvergedError
-from antiosc.base.texts import PATCH_RADIUS, engineering, rounded_up
+from antiosc.base.texts import PATCH_ARGUMENT, engineering, rounded_up
 from antiosc.engine import library
 
 State = tuple[float, ...]
@@ -122,7 +122,7 @@ class ContactLaw(ABC):
         else:
             size = f"the patch radius of {engineering(radius, 'm')}"
             least = engineering(rounded_up(needed_radius), "m", 2)
-            remedy = f"take a patch radius of at least {least} ({PATCH_RADIUS})"
+            remedy = f"take a patch radius of at least {least} ({PATCH_ARGUMENT})"
 
         return (
             f"{size} is too small for the peak force of {engineering(peak, 'N')}: it holds up to"

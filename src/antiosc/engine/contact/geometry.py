@@ -37,8 +37,10 @@ def effective_modulus(E1: float, nu1: float, E2: float | None, nu2: float | None
         compliance += (1 - checks.poisson(nu1 if nu2 is None else nu2) ** 2) / moduli[1]
 
     softest = min(moduli)
-    if softest < plausible.MODULI[0]:
-        plausible.warn_each([plausible.doubt("modulus", softest, "E of a surface in contact")])
+    if softest < plausible.MODULUS_RANGE[0]:
+        plausible.warn_each(
+            [plausible.range_doubt("modulus", softest, "E of a surface in contact")]
+        )
     return 1 / compliance
 
 

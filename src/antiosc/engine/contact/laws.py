@@ -622,7 +622,7 @@ def _checked_curve(name: str, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]
         raise InputError(f"the {name} curve needs at least 2 points; got {xs.size}.")
 
     for axis, values, unit in (("indentation", xs, "m"), ("force", ys, "N")):
-        falls = np.flatnonzero(np.diff(values) < checks.SMALLEST)
+        falls = np.flatnonzero(np.diff(values) < checks.MIN_MAGNITUDE)
         if falls.size:
             i = int(falls[0])
             raise InputError(

@@ -26,7 +26,7 @@ from antiosc.base import checks, process
 from antiosc.base._types import Array, Matrix, SolverChoice
 from antiosc.base.errors import AccuracyError, NotConvergedError
 from antiosc.base.process import one_thread
-from antiosc.base.texts import plain
+from antiosc.base.texts import plain_number
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import diagonal_roots, multiply, norms
 
@@ -95,7 +95,7 @@ class Cost:
     seconds: float | None = None
 
     def __str__(self) -> str:
-        time = "" if self.seconds is None else f"{plain(self.seconds)} s, "
+        time = "" if self.seconds is None else f"{plain_number(self.seconds)} s, "
         return f"forecast {time}{self.bytes / 1e9:.2g} GB"
 
 

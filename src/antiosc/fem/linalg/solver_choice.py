@@ -292,7 +292,7 @@ def _chosen_solver(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: 
         return factorize(A)
 
     analysis = 0.0 if uses_cells(A) else ANALYSIS_BYTES * stored_entries(A)
-    process.require(analysis, f"any solver of {rows} dofs", SMALLER_MESH_REMEDY, free)
+    process.require_memory(analysis, f"any solver of {rows} dofs", SMALLER_MESH_REMEDY, free)
     forecast = forecast_of(A, levels.prolongation() if uses_cells(A) else None)
     need = FACTOR_ENTRY_BYTES * forecast.entries
     if need <= process.MEMORY_SHARE * free:
@@ -301,14 +301,14 @@ def _chosen_solver(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: 
 
     noun = f"the factor of {rows} dofs"
     if choice == "direct":
-        process.require(
+        process.require_memory(
             need, noun, "take the solver 'iterative', a coarser mesh, or elements of order 1", free
         )
     del forecast  # its analysis has copies of A
     solver = _iterative_solver(A, levels)
     warn(
         A.getComm().tompi4py(),
-        f"{process.shortage(noun, need, free)}: {solver.method} are used{solver.pace}; with a "
+        f"{process.shortage_text(noun, need, free)}: {solver.method} are used{solver.pace}; with a "
         "coarser mesh or elements of order 1 a factor may fit.",
     )
     return solver
@@ -343,7 +343,7 @@ def _iterative_solver(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = 
 
     sizes = _sizes_of(A, forecast.entries if forecast and factored else 0.0)
     noun = f"the iterative solver of {A.getSize()[0]} dofs"
-    process.require(sizes.bytes, noun, SMALLER_MESH_REMEDY, free)
+    process.require_memory(sizes.bytes, noun, SMALLER_MESH_REMEDY, free)
     solver: Multigrid
 
     if prolongation is None:

@@ -23,7 +23,7 @@ import antiosc
 from antiosc import fem
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, Box, IntArray, Matrix, SolverChoice
-from antiosc.base.checks import LARGEST, SMALLEST, choice, floats
+from antiosc.base.checks import MAX_MAGNITUDE, MIN_MAGNITUDE, choice, floats
 from antiosc.base.clock import clock
 from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.base.progress import doing
@@ -124,15 +124,16 @@ def _check_values(name: str, values: Array) -> None:
     if not np.isfinite(values).all():
         raise InputError(f"{name} holds NaN or infinite entries; antiosc needs finite matrices.")
     largest = np.abs(values).max(initial=0.0)
-    if largest > LARGEST:
+    if largest > MAX_MAGNITUDE:
         raise InputError(
-            f"{name} has an entry of {largest:g}; entries must not exceed {LARGEST:g} in magnitude "
+            f"{name} has an entry of {largest:g}; entries must not exceed {MAX_MAGNITUDE:g} "
+            "in magnitude "
             "(a penalty of 1e30 is sufficient)."
         )
-    if 0.0 < largest < SMALLEST:
+    if 0.0 < largest < MIN_MAGNITUDE:
         raise InputError(
             f"{name} has no entry above {largest:g} in magnitude; the largest must be at least "
-            f"{SMALLEST:g}: check the units, which are SI."
+            f"{MIN_MAGNITUDE:g}: check the units, which are SI."
         )
 
 

@@ -314,7 +314,10 @@ Rerun: TypeAlias = "Callable[[LinearBody, float], History]"
 
 
 class Source:
-    """Base of what repeats a history; for two bodies it also has `rerun` and `error_budget`."""
+    """Base class of objects that can simulate the run of a history again.
+
+    Those of an impact of two bodies also have `rerun` and `error_budget`.
+    """
 
     def again(self, changes: Mapping[str, Any]) -> History:
         """The same run with other numbers."""

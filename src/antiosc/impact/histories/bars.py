@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from antiosc.base.texts import LEAST_SHARE, engineering, percent, plus_minus, restitution_text
+from antiosc.base.texts import MIN_PERCENT_SHARE, engineering, percent, plus_minus, restitution_text
 from antiosc.impact.histories.parts import contacts_of_main
 
 #: Quantities of an impact that have bars, and their units.
@@ -256,7 +256,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
             if share >= least or cause in ALWAYS_TOLD
         }
         rest = sum(shares.values()) - sum(told.values())
-        if rest > LEAST_SHARE:
+        if rest > MIN_PERCENT_SHARE:
             told["others"] = rest
 
         return ", ".join(f"{cause} {percent(share)}" for cause, share in told.items())

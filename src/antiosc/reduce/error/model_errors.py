@@ -277,7 +277,7 @@ def _why_too_large(matrices: MeshedParts) -> str:
     free = process.free_memory()
     if need > process.MEMORY_SHARE * free:
         what = f"{name} with each cell divided, which it takes,"
-        return f"{process.shortage(what, need, free)}: {remedy}."
+        return f"{process.shortage_text(what, need, free)}: {remedy}."
 
     return ""
 

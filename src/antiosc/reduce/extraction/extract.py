@@ -389,7 +389,7 @@ def _checked_options(
             )
         what = f"a model of {structure.dofs} dofs with n = {n} anti-oscillators"
         remedy = "reduce n, or take a coarser mesh"
-        on_root(structure.comm, partial(process.require, need, what, remedy))
+        on_root(structure.comm, partial(process.require_memory, need, what, remedy))
 
     accuracy = positive("accuracy", accuracy)
     tol = OBSERVABLE_SHARE * min(accuracy, 1.0) if tol is None else tolerance(tol)

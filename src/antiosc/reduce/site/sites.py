@@ -17,7 +17,13 @@ import scipy.sparse
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.progress import counting
-from antiosc.base.texts import SMALLER_CELLS, engineering, percent, rounded_down, rounded_up
+from antiosc.base.texts import (
+    CELL_ARGUMENTS,
+    engineering,
+    percent,
+    rounded_down,
+    rounded_up,
+)
 from antiosc.fem.mesh.surface import (
     ClosestPoints,
     Faces,
@@ -341,7 +347,7 @@ def _mesh_doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
         is_coarse,
         f"the facets at the site measure {engineering(size, 'm', 3)}, more than the radius"
         f" {engineering(radius, 'm', 3)}: the patch is not resolved; take cells of at most"
-        f" {engineering(rounded_down(radius), 'm', 2)} there ({SMALLER_CELLS})"
+        f" {engineering(rounded_down(radius), 'm', 2)} there ({CELL_ARGUMENTS})"
         f"{'' if _is_cut(sites).any() else larger_radius}.",
     )
 
