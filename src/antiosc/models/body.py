@@ -421,7 +421,8 @@ NO_RESULT = "the impact has no result"
 BEYOND_WALL = "the force exceeds that on a wall"
 #: Reason -> what leaves fewer doubtful sites.
 REMEDIES = {
-    CUT_PATCH: f"take a smaller radius of the patch, on cells not larger than it ({CELL_ARGUMENTS})",
+    CUT_PATCH: "take a smaller radius of the patch, on cells not larger than it"
+    f" ({CELL_ARGUMENTS})",
     NEAR_SUPPORT: "hold the part elsewhere, or map another face",
     EDGE_STRUCK: "map one face (where)",
     NARROW_HOLLOW: "take a smaller striker",
