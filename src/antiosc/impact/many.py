@@ -51,8 +51,8 @@ def quantile(sample: ArrayLike, q: float, confidence: float = CONFIDENCE) -> Qua
     """
     from scipy.stats import binom
 
-    share = _share("q", q)
-    level = _share("confidence", confidence)
+    share = _checked_share("q", q)
+    level = _checked_share("confidence", confidence)
     ordered = np.sort(np.asarray(sample, dtype=float))
     tail = (1 - level) / 2
     low, high = binom.ppf([tail, 1 - tail], len(ordered), share)
@@ -76,7 +76,7 @@ def quantile(sample: ArrayLike, q: float, confidence: float = CONFIDENCE) -> Qua
     return Quantile(value, float(lower), float(upper), "; ".join(lacking))
 
 
-def _share(name: str, value: float) -> float:
+def _checked_share(name: str, value: float) -> float:
     """The checked argument `name`: a share that differs from 0 and 1 by more than rounding."""
     share = checks.number(name, value)
     if not LEAST_SHARE <= share <= 1 - LEAST_SHARE:
@@ -89,7 +89,7 @@ def checked_levels(quantiles: Sequence[float]) -> tuple[float, ...]:
     shares = checks.floats("quantiles", quantiles, (None,))
     if not len(shares):
         raise InputError("quantiles is empty: give shares such as (0.05, 0.5, 0.95).")
-    return tuple(_share("each of quantiles", float(share)) for share in np.unique(shares))
+    return tuple(_checked_share("each of quantiles", float(share)) for share in np.unique(shares))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -197,7 +197,8 @@ class Many(Result):
 
         from scipy.stats import binomtest
 
-        level = _share("confidence", confidence)  # Clopper and Pearson, Biometrika 26 (1934) 404
+        # Clopper and Pearson, Biometrika 26 (1934) 404
+        level = _checked_share("confidence", confidence)
         ends = binomtest(count, len(results)).proportion_ci(level, "exact")
         share = Quantile(count / len(results), float(ends.low), float(ends.high))
         return self._noted(quantity, len(results), share)

@@ -356,12 +356,12 @@ class CoarseLength(NamedTuple):
     """A length at a site [m], and the wavelength [m] that it does not resolve."""
 
     size: float
-    wave: float
+    wavelength: float
 
     @property
     def allowed(self) -> float:
         """Recommended edge length of cells [m]: half of the longest that is accepted."""
-        return LARGE_CELL_WAVES * self.wave / 2
+        return LARGE_CELL_WAVES * self.wavelength / 2
 
 
 def coarse_at(model: object, site: str, contact_time: float) -> CoarseLength | None:
@@ -405,8 +405,8 @@ def coarse_cell_warning(model: object, site: str, contact_time: float) -> str:
     place = f"the site {site!r}" if site else "the site"
     return (
         f"The cell at {place} measures {engineering(cell.size, 'm')}, and the wave that a"
-        f" contact of {engineering(contact_time, 's')} sends out {engineering(cell.wave, 'm')}:"
-        " forces come out too large; take cells of at most"
+        f" contact of {engineering(contact_time, 's')} sends out"
+        f" {engineering(cell.wavelength, 'm')}: forces come out too large; take cells of at most"
         f" {engineering(cell.allowed, 'm')} there ({CELL_ARGUMENTS})."
     )
 

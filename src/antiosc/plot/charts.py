@@ -221,8 +221,8 @@ def _peak_error(hit: HistoryLike) -> tuple[float, str]:
 def plot_force(hits: HistoryLike, ax: Axes | None = None) -> Axes:
     """Contact force over time for one history or several by name; the largest force is marked.
 
-    The time axis ends where 99 % of the impulse has been transferred. An estimated error of the
-    peak of 0.5 % or more, of the error budget if that is known, is drawn as a band.
+    The time axis ends where 99 % of the impulse has been transferred. A band shows the estimated
+    error of the peak force if it is at least 0.5 %; it is that of the error budget, if known.
     """
     runs = objects_by_name(hits, "History")
     ax = axes_or_new(ax)

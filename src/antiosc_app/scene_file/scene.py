@@ -187,7 +187,7 @@ def _support_arguments(build: Builder, data: Table, place: Place) -> dict[str, o
 
 
 def _material_call(build: Builder, data: Table, place: Place) -> Call | dict[str, Call] | None:
-    """The call of the only material, or group of cells -> call; None after a mistake."""
+    """The call that makes the material, or {group of cells: call}; None after a mistake."""
     table = data.get("material")
     material_place = (*place, "material")
     section = SECTIONS["material"]

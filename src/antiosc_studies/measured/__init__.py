@@ -164,7 +164,7 @@ def _outflow_share(data: MeasuredReceptances) -> float:
 
 
 def _driving_power(data: MeasuredReceptances) -> Array:
-    """Power (W, p) into the part at the driving points, over half of the squared force."""
+    """Power into the part at its driving points / (squared force amplitude / 2): (W, p)."""
     driving = [column for column, (m, n) in enumerate(data.pairs) if m == n]
     return np.asarray(-data.w[:, None] * data.H[:, driving].imag)
 

@@ -14,14 +14,14 @@ TABOR_STRAIN = 0.2
 #: range of this ratio in which it holds: a rigid sphere on an elastic half-space (nu = 0.3) has
 #: 3.8, 5.4, 6.7, 7.9 and 11.5 % less force at 0.01, 0.02, 0.04, 0.05 and 0.1, with 1.5 % of it by
 #: the grid (measured).
-STRAIN_CHANGE = 0.38
+FORCE_LOSS_BY_STRAIN = 0.38
 LEAST_STRAIN = 0.01
 LARGEST_STRAIN = 0.1
 #: The same for a soft ball: more peak force at equal work, over the root and over the ratio itself,
 #: of which the larger holds. A rubber hemisphere (nu = 0.48) on a rigid mass has 3.3, 9.4, 15, 27,
 #: 41 and 57 % more at 0.01, 0.05, 0.1, 0.2, 0.3 and 0.4, a ball between two flats 1.2 to 31 %
 #: (measured).
-BALL_STRAIN_CHANGE = 0.49, 1.5
+BALL_FORCE_GAIN = 0.49, 1.5
 LARGEST_BALL_STRAIN = 0.4
 #: The peak force grows with the stiffness to this power, at equal work.
 HERTZ_POWER = 0.4
@@ -102,10 +102,10 @@ def stiffness_factors(choice: Choice, strain: float) -> tuple[float, ...]:
     """
     if strain < LEAST_STRAIN:
         return ()
-    share = STRAIN_CHANGE * sqrt(min(strain, LARGEST_STRAIN))
+    share = FORCE_LOSS_BY_STRAIN * sqrt(min(strain, LARGEST_STRAIN))
     if not choice.soft_ball:
         return 1 - share, 1 + share
-    peak = 1 + max(BALL_STRAIN_CHANGE[0] * sqrt(strain), BALL_STRAIN_CHANGE[1] * strain)
+    peak = 1 + max(BALL_FORCE_GAIN[0] * sqrt(strain), BALL_FORCE_GAIN[1] * strain)
     return 1 - share, peak ** (1 / HERTZ_POWER)
 
 

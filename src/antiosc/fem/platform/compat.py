@@ -123,7 +123,10 @@ def nodes_between(cell: str) -> list[tuple[list[int], int]]:
 
 
 def name_coordinates(mesh: dolfinx.mesh.Mesh) -> None:
-    """Name the coordinate element as FFCx 0.5 does at a mesh's first form, for one signature."""
+    """Give a mesh the coordinate element that FFCx 0.5 sets at its first form.
+
+    All forms of the mesh then have one signature, and are compiled once.
+    """
     if OLD_DOLFINX:
         domain = mesh.ufl_domain()
         (points, *_) = domain.ufl_coordinate_element().sub_elements()

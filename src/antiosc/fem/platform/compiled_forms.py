@@ -128,9 +128,9 @@ _compiling = threading.RLock()
 
 @contextmanager
 def quiet_compiler() -> Iterator[None]:
-    """Context in which forms are compiled quietly, outside the seconds of `clock`.
+    """Context in which forms are compiled without output; `clock` does not count the time.
 
-    InputError for a folder that cannot be written, or a form that another process does not finish;
+    InputError if the cache folder cannot be written or another process does not finish a form;
     MissingDependencyError without a C compiler.
     """
     try:

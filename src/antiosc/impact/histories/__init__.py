@@ -109,9 +109,7 @@ class History(RunHistory, Results):
 
     @property
     def rerun(self) -> Rerun | None:
-        """Simulates the same impact on another model to a tolerance, without warnings; None of a
-        scene.
-        """
+        """Function that repeats the impact on another model to a tolerance; None for a scene."""
         return getattr(self.source, "rerun", None)
 
     @cached_property

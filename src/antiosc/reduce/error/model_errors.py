@@ -262,7 +262,7 @@ FORESEEN_COUNT, BYTES_PER_DOF = 150, 52.0
 
 
 def _why_too_large(matrices: MeshedParts) -> str:
-    """Why the mesh of a structure is too large to be divided; "" if it is not."""
+    """Why the mesh of a structure is too large to be refined uniformly; "" if it is not."""
     part = matrices.members()[0].part
     name = part.mesh.name
     finer = 2.0**part.mesh.tdim * part.rows

@@ -295,7 +295,7 @@ Doubt: TypeAlias = tuple[BoolArray, str]
 
 
 def warn_of_doubts(structure: MeshedStructure, sites: Sites, marked: bool = False) -> None:
-    """Warn of uncertain compliances; `marked`: a map shows the cut patches itself."""
+    """Warn of uncertain compliances; `marked`: not of cut patches, as a map marks them."""
     doubts = list(_mesh_doubts(structure, sites))
     if not marked:
         cut = _is_cut(sites)

@@ -196,10 +196,12 @@ def _patch_around(faces: Faces, point: Array) -> Patch:
         affine=faces.affine,
     )
     nearest_points = faces.at(facets, clamped(xi, faces.simplex))[0]
-    return _gathered(faces, facets, nearest_points, np.linalg.norm(nearest_points - point, axis=1))
+    return _gathered_patch(
+        faces, facets, nearest_points, np.linalg.norm(nearest_points - point, axis=1)
+    )
 
 
-def _gathered(faces: Faces, facets: IntArray, nearest: Array, gap: Array) -> Patch:
+def _gathered_patch(faces: Faces, facets: IntArray, nearest: Array, gap: Array) -> Patch:
     """The faces `facets` of all ranks as one patch; `gap`: distances [m] to `nearest`."""
     tensor = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     corner_order = [0, 1, 2] if faces.simplex else [0, 1, 3, 2]
@@ -230,7 +232,7 @@ def inner_points(matrices: MeshedParts, part: str | None, spacing: float) -> Arr
         if faces.sheet or faces.dim != 2:
             continue
         count = len(faces.facets)
-        skin = _gathered(faces, np.arange(count), faces.centres, np.zeros(count))
+        skin = _gathered_patch(faces, np.arange(count), faces.centres, np.zeros(count))
         start, end = np.moveaxis(member.at.placed(skin.inner_edges()), 1, 0)
         longest = np.linalg.norm(end - start, axis=1).max(initial=0.0)
         share = np.linspace(0.0, 1.0, 2 + int(longest / spacing))[:, None, None]
