@@ -31,8 +31,8 @@ from random_parts import Case, drawn, geometry
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.impact.error_budget import amplitudes
-from antiosc.impact.histories.bars import QUANTITIES, differences
+from antiosc.impact.error_budget import amplitude_products
+from antiosc.impact.histories.bars import QUANTITIES, relative_differences
 from antiosc.reduce.error.division import cell_growth, mesh_source, size_ratios
 from antiosc.reduce.error.model_errors import ModelErrors
 
@@ -146,7 +146,7 @@ def tried(case: Case, path: Path, rng: np.random.Generator) -> None:
         answer = ao.strike(
             path, site, *impact, span(model), tol=tol, material=material, supports=held
         )  # fmt: skip
-        missed = differences(answer, true)
+        missed = relative_differences(answer, true)
         if tol == ASKED:
             case.strike_true, case.strike_promised = max(missed.values()), answer.error_budget.worst
             case.strike_met = bool(answer.status == 0)
@@ -156,13 +156,13 @@ def tried(case: Case, path: Path, rng: np.random.Generator) -> None:
     case.speed = hit.contact_time * float(model.omega[0]) / (2 * np.pi)
     case.dofs, case.energy_error = part.dofs, budget.energy_error
     case.k0 = effectivity_of_stiffness(model, true_model)
-    estimated, actual = differences(hit, soft), differences(hit, true)
+    estimated, actual = relative_differences(hit, soft), relative_differences(hit, true)
     worst = max(actual, key=lambda name: actual[name])
     case.force = estimated[worst] / actual[worst]
     bars = {name: bar.total - bar.patch for name, bar in budget.items()}
     case.worst_ratio = max(actual[name] / bars[name] for name in QUANTITIES)
     case.holds = bool(case.worst_ratio <= 1)
-    left = differences(soft, true)
+    left = relative_differences(soft, true)
     case.corrected = max(left.values()) / actual[worst]
     bars = {name: bar.total - bar.patch for name, bar in budget.of_corrected(soft).items()}
     case.answer_ratio = max(left[name] / bars[name] for name in QUANTITIES)
@@ -203,7 +203,7 @@ def finer(part, model, hit, goal, order, most):  # type: ignore[no-untyped-def]
     `most`: largest growth of the number of dofs.
     """
     mesh = part.mesh
-    values, vectors = np.linalg.eigh(amplitudes(hit))
+    values, vectors = np.linalg.eigh(amplitude_products(hit))
     weights = vectors * np.sqrt(np.maximum(values, 0.0))
     energies = ModelErrors(part).of_cells(model, weights)
     # also the first shape, whose stiffness is compared

@@ -74,7 +74,7 @@ def worst(fields: dict[str, PeakField]) -> PeakField:
 def interval(field: PeakField) -> tuple[float, float, float]:
     """(value, least, largest) of the largest stress that counts, by the mesh [MPa]."""
     value = 1e-6 * float(field.values[field.counts].max())
-    low, high = stress.bar(field)
+    low, high = stress.stress_bar(field)
     return value, value * (1 - low), value * (1 + high)
 
 
@@ -96,7 +96,7 @@ class Blow:
     name: str
     force: str
     first: tuple[float, float, float]  # on the mesh of the force, as `interval` gives it
-    closed: stress.Stressed
+    closed: stress.StressResult
     part: Call  # of the scene
     first_dofs: int
     finest: list[Refinement]  # half of the cells at the places of the largest stress
@@ -299,7 +299,7 @@ def fillet(share: float, folder: str, way: str) -> str:
     nominal = hit.peak_force / (0.004 * d)
     if way == "across":
         nominal *= 6 * (length - half - field.points[k, 0]) / d
-    low, high = stress.bar(field)
+    low, high = stress.stress_bar(field)
     expected = peterson(radius, d, way)
     found = field.values[k] / nominal
     return (

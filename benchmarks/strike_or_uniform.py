@@ -29,7 +29,7 @@ from strike_scenes import SCENES, Scene
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.impact.histories.bars import differences
+from antiosc.impact.histories.bars import relative_differences
 from antiosc.plot.charts import few_log_ticks
 from antiosc.reduce.error.division import mesh_source
 
@@ -66,7 +66,9 @@ def main(
             path = scene.path(Path(folder))
             known, true = truth(scene, path, dofs)
             hits = [*struck(scene, path, tols), *fixed(scene, path)]
-            rows = [{**row, "true": max(differences(hit, true).values())} for row, hit in hits]
+            rows = [
+                {**row, "true": max(relative_differences(hit, true).values())} for row, hit in hits
+            ]
             found[name] = {"truth": known, "runs": rows}
             print(f"\n**{name}**\n\n{table(found[name])}", flush=True)
             if kept:

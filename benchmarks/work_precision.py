@@ -35,14 +35,14 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.base import files
 from antiosc.engine.march import difference
-from antiosc.impact.reference import FIXED_STEPS
+from antiosc.impact.reference import FIXED_STEP_METHODS
 from antiosc.models.closed_form import UniformBeam, pinned_pinned
 
 ROOT = Path(__file__).resolve().parent.parent
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
 STRIKER = ao.RigidMass(0.24, 0.01)
 HERTZ = 1.55e10
-METHODS = ("exact", *FIXED_STEPS)
+METHODS = ("exact", *FIXED_STEP_METHODS)
 SOLVE_IVP = ("RK45", "DOP853", "LSODA", "Radau")
 CONTACTS = (1, 2, 3, 4, 6)
 MANY = (10, 30, 100)  # contacts, most of them open

@@ -323,8 +323,8 @@ def test_the_largest_stress_is_that_of_all_tensors_at_all_times():
     most, at = map_stresses._largest_stress(parts, x, weights)
     assert at == stress.argmax()
     assert most == pytest.approx(stress.max(), rel=1e-4)
-    _, _, bounds = map_stresses._rotated(parts, x)
-    assert (bounds * weights * (1 + map_stresses.ROUNDING) >= stress).all()
+    _, _, bounds = map_stresses._principal_rotation(parts, x)
+    assert (bounds * weights * (1 + map_stresses.BOUND_ROUNDING) >= stress).all()
 
 
 @pytest.mark.slow

@@ -192,13 +192,13 @@ def answer(given: ErrorBudget | None = None, **more: Any) -> Any:
         "hit": SimpleNamespace(peak_force=10.0, impulse=1.0, contact_time=2.0),
         "budget": given or budget(), "n": 20, "seconds": 3.0,
     }  # fmt: skip
-    return striking.Answer(**{**own, **more})
+    return striking.MeshAnswer(**{**own, **more})
 
 
 @pytest.fixture
 def step(monkeypatch: pytest.MonkeyPatch) -> Any:
     """`_next` of a mesh in the plane of 50 cells with equal errors, in which the limit is told."""
-    monkeypatch.setattr(striking, "_errors_of_cells", lambda *_: np.ones(50))
+    monkeypatch.setattr(striking, "_cell_errors", lambda *_: np.ones(50))
     monkeypatch.setattr(striking.time, "perf_counter", lambda: 107.0)
     mesh = SimpleNamespace(comm=MPI.COMM_SELF, tdim=2)
 

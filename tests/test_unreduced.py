@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.strikes.unreduced import blow_of, figures, newmark
+from antiosc.strikes.unreduced import curve_numbers, run_newmark, unreduced_impact
 from parts import STEEL, box, plate
 from sheets import at, rectangle
 
@@ -56,11 +56,11 @@ def test_the_force_is_that_of_many_anti_oscillators(name):
     made, site, law, duration, more = CASES[name]
     part = made()
     hit = ao.simulate(ao.extract(part, site, n=80), BALL, law, duration, tol=1e-6, **more)
-    blow = blow_of(part, site, hit, duration)
-    curve = newmark(replace(blow, step=blow.step / 4)).curve
+    blow = unreduced_impact(part, site, hit, duration)
+    curve = run_newmark(replace(blow, step=blow.step / 4)).curve
     true = hit.force_at(np.minimum(curve.time, duration))
     assert np.linalg.norm(curve.force - true) <= 3e-3 * np.linalg.norm(true)
-    found = figures(curve)
+    found = curve_numbers(curve)
     for quantity in ("peak_force", "impulse", "contact_time"):
         assert getattr(found, quantity) == pytest.approx(getattr(hit, quantity), rel=5e-4)
 
@@ -69,8 +69,8 @@ def test_the_force_is_that_of_many_anti_oscillators(name):
 def test_second_order_in_the_step():
     part = free()
     hit = ao.simulate(ao.extract(part, TOP, n=20), BALL, HERTZ, 4e-4)
-    blow = blow_of(part, TOP, hit, 3e-4)
-    coarse, middle, fine = (newmark(replace(blow, step=1e-6 / k)).curve for k in (1, 2, 4))
+    blow = unreduced_impact(part, TOP, hit, 3e-4)
+    coarse, middle, fine = (run_newmark(replace(blow, step=1e-6 / k)).curve for k in (1, 2, 4))
     first = np.linalg.norm(coarse.force - middle.force[::2][: len(coarse.force)])
     second = np.linalg.norm(middle.force[::2] - fine.force[::4][: len(middle.force[::2])])
     assert np.log2(first / second) == pytest.approx(2.0, abs=0.1)
@@ -93,7 +93,7 @@ def test_what_it_does_not_integrate_is_refused(what):
         ball = ao.Impactor(model, 1.0)
     hit = ao.simulate(model, ball, HERTZ, 4e-4, **more)
     with pytest.raises(ao.InputError, match={"moving": "at rest"}.get(what, what)):
-        blow_of(part, TOP, hit, 4e-4)
+        unreduced_impact(part, TOP, hit, 4e-4)
 
 
 #: Name -> (a part in cells n times as small, its site, the contact).
@@ -122,8 +122,8 @@ def test_the_bar_of_the_deflection_holds_against_all_dofs_of_a_finer_mesh(name):
     duration = 4e-4 + np.pi / model.modal().omega[0]
     hit = ao.simulate(model, BALL, law, duration, tol=1e-5)
     bar = hit.error_budget.deflection
-    blow = blow_of(made(2), site, hit, duration)
-    curve = newmark(replace(blow, step=min(blow.step, duration / 1000))).curve
+    blow = unreduced_impact(made(2), site, hit, duration)
+    curve = run_newmark(replace(blow, step=min(blow.step, duration / 1000))).curve
     impulse = cumulative_trapezoid(curve.force, curve.time, initial=0.0) / BALL.mass
     ball = BALL.velocity * curve.time - cumulative_trapezoid(impulse, curve.time, initial=0.0)
     moved = np.abs(ball - curve.depth).max()

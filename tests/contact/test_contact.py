@@ -8,7 +8,7 @@ from scipy.integrate import trapezoid
 
 import antiosc as ao
 from antiosc.engine.contact.laws import Punch
-from antiosc.impact.histories.energy import replay
+from antiosc.impact.histories.energy import replayed_energies
 from law_formulas import permanent, restitution_of, unloading_power, virgin, whole
 from laws import LAWS, laws
 from scenes import HERTZ, rigid, thornton_restitution
@@ -102,7 +102,7 @@ def test_what_several_contacts_lose_is_the_work_around_their_loops(law):
             force.append(law.force(delta, 0.0, state))
         spans.append((first, len(depth) - 1))
     depth, force = np.array(depth), np.array(force)
-    _, lost, _ = replay(law, force, depth, spans, [1.0, 1.0])
+    _, lost, _ = replayed_energies(law, force, depth, spans, [1.0, 1.0])
     for _, end in spans:
         mean = (force[1 : end + 1] + force[:end]) / 2
         assert lost[end] == pytest.approx(mean @ np.diff(depth[: end + 1]), rel=1e-4)

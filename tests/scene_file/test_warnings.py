@@ -71,7 +71,7 @@ def test_a_peak_before_the_sheet_stretches_has_no_share_of_its_later_deflection(
     ):
         hit = ao.simulate(model, striker, law, 1e-2)
         linear = ao.simulate(replace(model, stretch=None), striker, law, 1e-2)
-        before = stretching.before_peak(hit)
+        before = stretching.energy_ratio_before_peak(hit)
         effect = abs(hit.peak_force / linear.peak_force - 1)
         assert effect <= 2 * before
         assert (effect < 1e-6) == (before < 1e-6)

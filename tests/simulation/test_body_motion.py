@@ -8,7 +8,7 @@ import pytest
 import antiosc as ao
 from antiosc.base import progress
 from antiosc.impact.from_rest import peak_deflections
-from antiosc.impact.histories.factors import amplitudes, forces_of
+from antiosc.impact.histories.factors import column_forces, shape_factors
 from marks import TURNS_FAR
 from scenes import finely
 from struck_beams import THICK, free_free
@@ -31,14 +31,14 @@ def test_amplitudes_have_the_derivatives_of_their_motion(body: str) -> None:
     h = 1e-7
     for t in (0.37 * start + 0.63 * end, 0.5 * (end + hit.time[-1])):
         times = np.array([t - h, t, t + h])
-        at = [amplitudes(hit, times, body, k) for k in range(3)]
+        at = [shape_factors(hit, times, body, k) for k in range(3)]
         rate, bend = (at[0][2] - at[0][0]) / (2 * h), (at[1][2] - at[1][0]) / (2 * h)
         np.testing.assert_allclose(at[1][1], rate, rtol=0, atol=1e-4 * np.abs(rate).max())
         np.testing.assert_allclose(at[2][1], bend, rtol=0, atol=1e-4 * np.abs(bend).max())
         field = hit.field(t, body)
         own = (pair[0] if body == "structure" else BEAM).shapes
         np.testing.assert_allclose(field, own @ at[0][1][: own.shape[1]] + _hidden(hit, t, body))
-        assert forces_of(hit, times, body)[1, 0] == pytest.approx(hit.force_at(t)[0])
+        assert column_forces(hit, times, body)[1, 0] == pytest.approx(hit.force_at(t)[0])
 
 
 def _hidden(hit: ao.History, t: float, body: str) -> np.ndarray:

@@ -14,7 +14,7 @@ from antiosc.engine.equilibrium import continue_contacts, set_initial_forces
 from antiosc.engine.march import Run
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.scene import integrate_exact
-from antiosc.impact.states import forces, locate, states
+from antiosc.impact.states import contact_forces, modal_states, steps_at
 from audited_scenes import Own
 
 Array = NDArray[np.float64]
@@ -90,14 +90,14 @@ def solve(made: Assembly, duration: float) -> Run:
 
 
 def at(made: Assembly, run: Run, t: Array) -> tuple[Array, Array]:
-    return states(run, made.system, *locate(run, t))
+    return modal_states(run, made.system, *steps_at(run, t))
 
 
 def cut(made: Assembly, whole: Run, t: float) -> Assembly:
     """The scene that goes on from a time."""
     (q,), (v,) = at(made, whole, np.array([t]))
     rest = replace(made, system=replace(made.system, q=q, v=v))
-    force = forces(whole, *locate(whole, np.array([t])))[0, :1]
+    force = contact_forces(whole, *steps_at(whole, np.array([t])))[0, :1]
     continue_contacts(rest.system, whole.contact_states(made.system, t), force)
     return rest
 

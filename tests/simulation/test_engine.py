@@ -11,7 +11,7 @@ import pytest
 import antiosc as ao
 from antiosc.engine import march
 from antiosc.impact.assembly import assemble_scene
-from antiosc.impact.states import forces as forces_at, locate
+from antiosc.impact.states import contact_forces as forces_at, steps_at
 from scenes import HERTZ, case_two
 
 LAW = ao.Hertz(HERTZ)
@@ -52,7 +52,7 @@ def test_one_contact_has_the_forces_that_sweeps_find(law: ao.ContactLaw) -> None
     one, two = (each.force[:, 0] for each in runs)
     assert one.max() > 0
     at = np.linspace(0, 5e-4, 50)
-    one, two = (forces_at(each, *locate(each, at))[:, 0] for each in runs)
+    one, two = (forces_at(each, *steps_at(each, at))[:, 0] for each in runs)
     np.testing.assert_allclose(one, two, rtol=0, atol=1e-9 * one.max())
 
 

@@ -13,12 +13,18 @@ from antiosc.base.texts import engineering
 from antiosc.engine.march import difference
 from antiosc.impact import error_budget
 from antiosc.impact.error_budget import (
-    RESOLVED,
+    COARSE_SAFETY,
+    RESOLVED_FACE_RATIO,
     SAFETY,
-    SAFETY_COARSE,
 )
 from antiosc.impact.histories import bars
-from antiosc.impact.histories.bars import CAUSES, FLOOR, NO_BAR, QUANTITIES, differences
+from antiosc.impact.histories.bars import (
+    CAUSES,
+    MIN_ERROR_SHARE,
+    QUANTITIES,
+    UNCERTAIN_CONTACTS_TEXT,
+    relative_differences,
+)
 from antiosc.models.body import ModalModel, ModelInfo
 from antiosc_app.headline import force_bar
 
@@ -40,10 +46,10 @@ def test_bars_hold_the_difference_to_the_corrected_model():
     hit = struck(model())
     budget = hit.error_budget
     soft = struck(model().corrected(), tol=1e-4)
-    off = differences(struck(model(), tol=1e-4), soft)
+    off = relative_differences(struck(model(), tol=1e-4), soft)
     assert set(budget) == set(QUANTITIES)
     for name, bar in budget.items():
-        expected = SAFETY * max(off[name], FLOOR * max(off.values()))
+        expected = SAFETY * max(off[name], MIN_ERROR_SHARE * max(off.values()))
         assert bar.mesh == pytest.approx(expected, rel=0.05)
         assert bar.total == pytest.approx(sum(getattr(bar, cause) for cause in CAUSES))
         assert bar.value == getattr(hit, name)
@@ -58,7 +64,9 @@ def test_faces_above_the_patch_widen_the_bars_by_their_size(faces):
     facts = ({}, {"patch": {"faces": faces}})
     usual, wide = (struck(model(radius=2e-3, info=f)).error_budget for f in facts)
     ratio = wide["peak_force"].mesh / usual["peak_force"].mesh
-    assert ratio == pytest.approx(SAFETY_COARSE / SAFETY * faces / (RESOLVED * 2e-3), rel=1e-6)
+    assert ratio == pytest.approx(
+        COARSE_SAFETY / SAFETY * faces / (RESOLVED_FACE_RATIO * 2e-3), rel=1e-6
+    )
     assert len(wide.notes) == len(usual.notes) + 1
 
 
@@ -69,7 +77,7 @@ def test_bars_hold_what_a_patch_changes_even_where_it_exceeds_the_half_space(cha
     hit = struck(body)
     modes = body.modal()
     softer = ModalModel(replace(modes, r=modes.r + abs(change)), body.local_compliance)
-    off = differences(hit, struck(softer))
+    off = relative_differences(hit, struck(softer))
     for name, bar in hit.error_budget.items():
         assert 0.8 * off[name] < bar.patch < 1.5 * max(off.values())
     assert hit.error_budget["peak_force"].patch > (0.05 if change == -2e-8 else 0.0)
@@ -79,7 +87,7 @@ def test_bars_hold_what_a_patch_changes_even_where_it_exceeds_the_half_space(cha
 def test_bars_of_the_corrected_run_are_nearer_by_the_correction(share):
     budget = struck(model(share)).error_budget
     soft = struck(model(share).corrected())
-    assert budget.safety == (SAFETY if share < 0.1 else SAFETY_COARSE)
+    assert budget.safety == (SAFETY if share < 0.1 else COARSE_SAFETY)
     nearer = budget.of_corrected(soft)
     for name, bar in nearer.items():
         raw = budget[name]
@@ -109,7 +117,7 @@ def test_runs_of_other_numbers_of_contacts_leave_the_contact_time_without_a_bar(
     assert "contact_time" in budget.unknown
     assert "not comparable" in budget.notes[0]
     assert "±" not in budget.shown("contact_time")
-    assert f"{budget.shown('contact_time')}: {NO_BAR}" in str(budget)
+    assert f"{budget.shown('contact_time')}: {UNCERTAIN_CONTACTS_TEXT}" in str(budget)
     assert set(budget.shares("contact_time").values()) == {None}
     assert "±" in budget.shown("peak_force")
 
@@ -158,7 +166,7 @@ def test_a_part_whose_mesh_has_no_estimator_has_the_shares_that_are_known():
     few = whole.truncated(2)
     hit = struck(few)
     budget = hit.error_budget
-    off = differences(struck(few, tol=1e-5), struck(whole, tol=1e-5))
+    off = relative_differences(struck(few, tol=1e-5), struck(whole, tol=1e-5))
     for name in QUANTITIES:
         assert 0 < off[name] < budget[name].truncation < budget[name].known
         assert budget[name].mesh == 0

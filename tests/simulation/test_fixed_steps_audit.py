@@ -13,7 +13,7 @@ from antiosc.engine.contact import State
 from antiosc.engine.equilibrium import set_initial_forces
 from antiosc.engine.march import Run
 from antiosc.impact.assembly import Assembly, assemble_scene
-from antiosc.impact.reference import Settings, fixed_steps
+from antiosc.impact.reference import Settings, run_in_fixed_steps
 from audited_scenes import SCENES
 
 Array = NDArray[np.float64]
@@ -47,7 +47,9 @@ def nodes(name: str, method: str) -> Nodes:
     made = assemble_scene(scene(), duration)
     set_initial_forces(made.system, made.scene.preload)
     s = made.system
-    found = fixed_steps(s, duration / STEPS, duration, Settings(method=method, max_steps=1000))
+    found = run_in_fixed_steps(
+        s, duration / STEPS, duration, Settings(method=method, max_steps=1000)
+    )
     assert found.answer == library.DONE
     t, force = found.time[::2], found.force[::2]
     mean = (force[:-1] + 4 * found.force[1::2] + force[1:]) / 6  # what the parabolas give

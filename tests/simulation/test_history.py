@@ -27,7 +27,7 @@ def test_times_are_found_in_their_steps_in_any_unit(seconds):
     run = SimpleNamespace(time=nodes)
     for time, step, since in ((0.0, 0, 0.0), (0.05, 0, 0.05), (0.2, 1, 0.0), (0.7, 1, 0.5)):
         for off in (1.0, 1 - 1e-15, 1 + 1e-15):
-            found = states.locate(run, np.array([seconds * time * off]))
+            found = states.steps_at(run, np.array([seconds * time * off]))
             assert found[0] == [step]
             assert found[1] == pytest.approx(since * seconds, abs=1e-14 * seconds)
 

@@ -13,9 +13,9 @@ import antiosc as ao
 from antiosc.base._types import Array
 from antiosc.engine import library
 from antiosc.engine.march import difference, run
-from antiosc.impact.reference import FIXED_STEPS
+from antiosc.impact.reference import FIXED_STEP_METHODS
 
-methods = pytest.mark.parametrize("method", ["exact", *FIXED_STEPS])
+methods = pytest.mark.parametrize("method", ["exact", *FIXED_STEP_METHODS])
 MODEL = {"k0": 1e5, "m": [0.02, 0.05, 0.04, 0.08], "omega": [1.5e3, 6e3, 1.1e4, 2e4]}
 STRIKER = ao.RigidMass(0.1, 1.0)
 LAWS = {

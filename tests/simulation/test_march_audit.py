@@ -10,7 +10,7 @@ from antiosc.engine import library
 from antiosc.engine.equilibrium import set_initial_forces
 from antiosc.impact.assembly import assemble_scene
 from antiosc.impact.reference import Settings, integrate_reference
-from antiosc.impact.states import forces, locate
+from antiosc.impact.states import contact_forces, steps_at
 from audited_scenes import SCENES, checked
 
 
@@ -43,7 +43,7 @@ def test_forces_and_motion_are_those_of_solve_ivp(name: str) -> None:
     np.testing.assert_allclose(other.events[:, 0], found.run.events[:, 0], rtol=0, atol=at)
     np.testing.assert_array_equal(other.events[:, 1], found.run.events[:, 1])
     times = np.linspace(0, duration, 301)
-    mine, exact = (forces(each, *locate(each, times)) for each in (found.run, other))
+    mine, exact = (contact_forces(each, *steps_at(each, times)) for each in (found.run, other))
     assert np.linalg.norm(mine - exact) < 3e-3 * np.linalg.norm(exact)
     for ours, theirs in zip(found.run.states[-1], other.states[-1], strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=3e-3 * np.abs(theirs).max())

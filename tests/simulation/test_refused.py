@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.impact.histories.factors import amplitudes, forces_of, times_of
+from antiosc.impact.histories.factors import checked_times, column_forces, shape_factors
 
 UP = (0.0, 0.0, 1.0)
 LAW = ao.Linear(1e6)
@@ -89,9 +89,9 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: ran().bodies["m"].angular_momentum(), "'m' does not know how it turns"),
     (lambda: ran({"b": FLAT}).bodies["b"].momentum, "'b' does not know what it carries"),
     (lambda: ran({"c": CUBE}).of("c"), "'c' is a RigidBody, which has no field"),
-    (lambda: amplitudes(ran(), np.zeros(1), "m"), "has no displacement field"),
-    (lambda: forces_of(ran({"c": CUBE}).bodies["c"], np.zeros(1), ""), "no displacement field"),
-    (lambda: times_of(ran().bodies["m"], [0.0]), "known at its own times: probe"),
+    (lambda: shape_factors(ran(), np.zeros(1), "m"), "has no displacement field"),
+    (lambda: column_forces(ran({"c": CUBE}).bodies["c"], np.zeros(1), ""), "no displacement field"),
+    (lambda: checked_times(ran().bodies["m"], [0.0]), "known at its own times: probe"),
     (lambda: ao.Scene({"v": WALL, "w": WALL, "m": ao.SiteModes([], np.zeros((0, 1)), ["a"])},
                       [ao.Contact("m", "w", LAW)]).run(1e-4), "nothing in the scene can move"),
     (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4, gravity=UP), "knows the direction of impact"),

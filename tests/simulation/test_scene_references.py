@@ -13,7 +13,7 @@ import antiosc as ao
 from antiosc.engine import library, march
 from antiosc.engine.march import run
 from antiosc.impact.assembly import assemble_scene
-from antiosc.impact.states import forces, locate
+from antiosc.impact.states import contact_forces, steps_at
 from direct import beam, force_error, free_modes, physical
 from march_builds import built
 
@@ -148,7 +148,10 @@ def test_order_over_four_halvings_of_the_step(posed: Callable[[], Posed]) -> Non
         )
         for i in range(5)
     ]
-    errors = [np.linalg.norm(forces(r, *locate(r, t))[:, : force.shape[1]] - force) for r in runs]
+    errors = [
+        np.linalg.norm(contact_forces(r, *steps_at(r, t))[:, : force.shape[1]] - force)
+        for r in runs
+    ]
     gained = np.log2(errors[0] / errors[-1])
     assert gained / 4 > 1.7
     assert gained / np.log2(runs[-1].steps / runs[0].steps) > 1.7

@@ -15,7 +15,7 @@ from antiosc.base.errors import InputError
 from antiosc.impact import stretching
 from antiosc.impact.histories.energy import energy_balance
 from antiosc.impact.stretching import (
-    NEGLIGIBLE,
+    NEGLIGIBLE_SHARE,
 )
 from antiosc.models.stretch import Stretch
 from stretched import model
@@ -78,7 +78,7 @@ def test_a_plate_that_hardly_moves_is_linear_to_the_last_bit():
     hit = ao.simulate(model("auto"), slow, LAW, DURATION)
     linear = ao.simulate(replace(model(), stretch=None), slow, LAW, DURATION)
     assert not hit.assembly.stretched
-    assert hit.error_budget["peak_force"].stretch == NEGLIGIBLE  # up to which it is linear
+    assert hit.error_budget["peak_force"].stretch == NEGLIGIBLE_SHARE  # up to which it is linear
     assert np.array_equal(hit.force, linear.force)
     assert np.array_equal(hit.time, linear.time)
 

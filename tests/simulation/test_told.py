@@ -41,11 +41,11 @@ def test_compared_methods_refine_until_two_runs_agree(
 ) -> None:
     """Runs that diverged are no partners."""
     runs = Runs(*answers)
-    monkeypatch.setattr(reference, "fixed_steps", lambda _system, step, *_: runs(step))
+    monkeypatch.setattr(reference, "run_in_fixed_steps", lambda _system, step, *_: runs(step))
     made: Any = SimpleNamespace(
         system=SimpleNamespace(omega=np.ones(1), first=None),
         scene=SimpleNamespace(contacts=[]),
-        contact_time_estimate=0.4 * reference.FIRST_STEPS,
+        contact_time_estimate=0.4 * reference.INITIAL_STEPS_PER_CONTACT,
     )
     settings = reference.Settings(1e-3, "newmark", max_contacts=1000, max_steps=10_000)
     found = reference.integrate_reference(made, 0.8, settings)

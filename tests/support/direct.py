@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
 import antiosc as ao
-from antiosc.impact.states import forces, locate
+from antiosc.impact.states import contact_forces, steps_at
 from paths import demo
 
 Array = NDArray[np.float64]
@@ -71,5 +71,5 @@ def physical(
 
 def force_error(hit: ao.SceneHistory, t: Array, force: Array) -> float:
     """Relative error of all contact forces in the L2 norm."""
-    mine = forces(hit.run, *locate(hit.run, t))[:, : force.shape[1]]
+    mine = contact_forces(hit.run, *steps_at(hit.run, t))[:, : force.shape[1]]
     return float(np.sqrt(np.sum((mine - force) ** 2) / np.sum(force**2)))

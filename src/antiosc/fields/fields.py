@@ -41,14 +41,14 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import (
     AnyHistory,
-    amplitudes,
-    forces_of,
-    modes_of,
+    checked_times,
+    column_forces,
+    modes_with_shapes,
+    shape_factors,
     spring_amplitudes,
     stretch_factors,
-    stretch_in,
+    stretch_of_motion,
     stretch_shapes,
-    times_of,
     unit_energy_factors,
 )
 from antiosc.impact.histories.parts import BodyHistory
@@ -62,15 +62,15 @@ from antiosc.reduce.site.site import Site
 
 #: A warning is given if the shapes of a model represent less than this share of the mass that the
 #: ground shakes.
-LEAST_MASS_SHARE = 0.5
+MIN_MASS_SHARE = 0.5
 
 #: A model does not belong to a structure if the ratio of the stiffness or of the mass of the two,
 #: on the model's shapes, exceeds this. A model corrected for its mesh is softer, with the same
 #: mass.
-LARGEST_RATIOS = 1.5, 1.01
+MAX_PART_RATIOS = 1.5, 1.01
 
 
-def without_unused(
+def without_unused_nodes(
     blocks: Sequence[tuple[str, IntArray]],
 ) -> tuple[IntArray, list[tuple[str, IntArray]]]:
     """(numbers of the nodes that have cells, blocks of cells with nodes counted among these)."""
@@ -139,7 +139,7 @@ def write_series(
         times = np.linspace(history.time[0], history.time[-1], 40)
     times_checked = nonempty("times", times)
     points, cells, shapes = source(structure).at_nodes(structure, shapes_of_body)
-    factors = amplitudes(history, times_checked, body)
+    factors = shape_factors(history, times_checked, body)
 
     def write() -> None:
         """Write the files, on the first rank."""
@@ -151,7 +151,7 @@ def write_series(
 
 @collective()
 @one_thread()
-def skin(
+def deformed_skin(
     structure: Structure, history: History, time: float, *, body: str = "structure"
 ) -> tuple[Array, IntArray, Array]:
     """(points (P, 3) [m], outer faces (F, 3 or 4), displacements (P, 3) [m] at a `time` [s])."""
@@ -169,8 +169,8 @@ def nodal_motion(
     points, cells, shapes = source(structure).at_nodes(
         structure, shapes_of(structure, history, body)
     )
-    used, numbered = without_unused(cells)
-    moved = shapes[used] @ amplitudes(history, floats("time", [time], (1,)), body)[0]
+    used, numbered = without_unused_nodes(cells)
+    moved = shapes[used] @ shape_factors(history, floats("time", [time], (1,)), body)[0]
     of_root: tuple[Array, list[tuple[str, IntArray]], Array] = structure.comm.bcast(
         (points[used], numbered, moved), root=0
     )
@@ -183,7 +183,7 @@ def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
 
     For a body that stretches, the second-order displacements of pairs of its modes follow.
     """
-    shapes = np.column_stack(checked_shapes(structure, history, body, LARGEST_RATIOS))
+    shapes = np.column_stack(checked_shapes(structure, history, body, MAX_PART_RATIOS))
     second = stretch_shapes(history, body)
     if second is not None:
         shapes = np.column_stack([shapes, second])
@@ -194,7 +194,7 @@ def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
 
 def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> None:
     """Warn if the ground shakes a mass that the model's shapes represent in small part only."""
-    weight = modes_of(history, body).weight
+    weight = modes_with_shapes(history, body).weight
     base = history.assembly.scene.base
     if base is None or base.accelerations.ndim == 1 or structure.rigid_modes.shape[1]:
         return
@@ -212,7 +212,7 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
         inertia = dot(structure.comm, motions, multiply(structure.M, motions))
         moved = float(modal_loads @ np.linalg.lstsq(inertia, modal_loads, rcond=None)[0])
         represented = float(np.sum(weight[:, i] ** 2))
-        if represented < LEAST_MASS_SHARE * moved:
+        if represented < MIN_MASS_SHARE * moved:
             axis = "xyz"[i]
             message = (
                 f"the ground shakes {moved:.3g} kg along {axis}, and the model carries "
@@ -233,7 +233,7 @@ def checked_shapes(
     instance("structure", structure, Structure, "a Structure")
     kinds = (History, BodyHistory)
     instance("history", history, kinds, "a History, which simulate and Scene.run return")
-    modes = modes_of(history, body)
+    modes = modes_with_shapes(history, body)
     assert modes.basis is not None
     rows = structure.rows
     fits = all(len(block) == rows for block in modes.basis)
@@ -268,10 +268,10 @@ def checked_shapes(
 
 
 #: What gives columns (…, B) of shapes (rows, B); True: with the strain η(s, s)/2 of each.
-Columns = Callable[[Array, bool], Array]
+ColumnFunction = Callable[[Array, bool], Array]
 
 
-def _state_strain(at: Columns, structure: Structure, shapes: Array) -> Array:
+def _static_state_strain(at: ColumnFunction, structure: Structure, shapes: Array) -> Array:
     """Second-order strains η(q, s) (…, B) of the static state q with each of `shapes` (rows, B).
 
     `at`: function of (shapes, second_order) that gives their strains or stresses (…, columns).
@@ -287,18 +287,18 @@ def _state_strain(at: Columns, structure: Structure, shapes: Array) -> Array:
     return np.asarray((at(q + small, True) - at(q, True) - at(small, True)) / scale)
 
 
-def with_pairs(
-    at: Columns, structure: Structure, history: AnyHistory, body: str, shapes: Array
+def with_pair_columns(
+    at: ColumnFunction, structure: Structure, history: AnyHistory, body: str, shapes: Array
 ) -> Array:
     """Strains or stresses (…, B) of a body's `shapes`, second-order ones included.
 
     The last columns of a body that stretches are those of pairs of its modes. `at`: as in
-    `_state_strain`.
+    `_static_state_strain`.
     """
-    forces = stretch_in(history, body)
+    forces = stretch_of_motion(history, body)
     if forces is None:
         linear = at(shapes, False)
-        of_state = _state_strain(at, structure, shapes)
+        of_state = _static_state_strain(at, structure, shapes)
         return linear + of_state if linear.size else linear  # empty on other ranks than the first
 
     pairs = forces.size * (forces.size + 1) // 2
@@ -310,7 +310,7 @@ def with_pairs(
     square = at(shapes[:, :count] @ sums, True) - linear[..., :count] @ sums  # η(s, s)/2 of each
     squares = square[..., i == j]
     products = (square - squares[..., i] - squares[..., j]) / 2
-    linear += _state_strain(at, structure, shapes)
+    linear += _static_state_strain(at, structure, shapes)
     linear[..., count:] += np.where(i == j, square, products)
     return linear
 
@@ -318,7 +318,7 @@ def with_pairs(
 def tensors_at_nodes(
     structure: Structure, history: AnyHistory, body: str, shapes: Array, *selection: Any
 ) -> tuple[Any, Any, NodeTensors]:
-    """`mesh_fields.tensors_at_nodes(…, *selection)` for a body's shapes; see `with_pairs`."""
+    """`mesh_fields.tensors_at_nodes` for a body's shapes (see `with_pair_columns`)."""
     results: list[Any] = []
 
     def at(columns: Array, second_order: bool) -> Array:
@@ -329,7 +329,7 @@ def tensors_at_nodes(
         results.append(result)
         return np.asarray(result[2].columns)
 
-    columns = with_pairs(at, structure, history, body, shapes)
+    columns = with_pair_columns(at, structure, history, body, shapes)
     points, cells, tensors = results[0]
     return points, cells, tensors._replace(columns=columns)
 
@@ -411,14 +411,14 @@ def reactions(
     checks.instance("structure", structure, Structure, "a Structure")
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     shapes = shapes_of(structure, history, body)
-    times_checked = times_of(history, times)
+    times_checked = checked_times(history, times)
     sites = _site_list(site)
     matrices = with_parts(structure, "given matrices have lost the dofs of their supports.")
     from antiosc.reduce.site.at_points import ReleasedSupports  # needs dolfinx
 
     released = ReleasedSupports(matrices, structure.supports)
     scene = history.assembly.scene
-    if stretch_in(history, body) is not None:
+    if stretch_of_motion(history, body) is not None:
         raise InputError(
             "reactions of a part that stretches as it bends are not computed: extract its model "
             "without stretch, whose reactions are those of linear theory."
@@ -436,7 +436,7 @@ def reactions(
     rigid = released.rigid()
     support_inertia, rigid_inertia = released.inertia(support_motions, rigid)
     work, applied = released.applied(sites, rigid)
-    forces = forces_of(history, times_checked, body)
+    forces = column_forces(history, times_checked, body)
     if len(work) != forces.shape[1]:
         raise InputError(
             f"the model has {forces.shape[1]} directions of contact, the sites given {len(work)}: "
@@ -444,12 +444,12 @@ def reactions(
         )
 
     comm = structure.comm
-    accelerations = amplitudes(history, times_checked, body, 2)
+    accelerations = shape_factors(history, times_checked, body, 2)
     forces_of_supports = accelerations @ dot(comm, shapes, support_inertia) - forces @ work
-    velocities = amplitudes(history, times_checked, body, 1)
+    velocities = shape_factors(history, times_checked, body, 1)
     springs = spring_amplitudes(history, times_checked, body)
     terms = released.damping(shapes)
-    undamped = modes_of(history, body).damping is None
+    undamped = modes_with_shapes(history, body).damping is None
     if sum(tau is not None for tau, _ in terms) != len(springs) or (terms and undamped):
         raise InputError(
             "the damping of the model is not that of the structure: take the model as `extract`"

@@ -27,13 +27,13 @@ from antiosc.base.texts import (
     point_text,
 )
 from antiosc.fem.structure.structure import Structure
-from antiosc.impact.histories.verdict import CONTACT_RADII, ContactZone
+from antiosc.impact.histories.verdict import PLASTIC_ZONE_RADII, ContactZone
 from antiosc.io.isolation import Refinement
 from antiosc.recovery import source
 from antiosc.recovery.place import Place, layers_of, strength_of
 
 #: Criterion -> what happens beyond the strength, and the name of the criterion.
-CRITERIA: dict[str, tuple[str, str]] = {
+CRITERION_TEXTS: dict[str, tuple[str, str]] = {
     "yield": ("bend for good", "von Mises"),
     "tension": ("break", "tension"),
     "tsai_hill": ("break", "Tsai–Hill"),
@@ -41,21 +41,21 @@ CRITERIA: dict[str, tuple[str, str]] = {
     "delamination": ("delaminate", "interlaminar shear"),
 }
 #: What happens for certain.
-WHAT_HAPPENS = {"bend for good": "bends for good", "break": "breaks", "delaminate": "delaminates"}
+CERTAIN_TEXTS = {"bend for good": "bends for good", "break": "breaks", "delaminate": "delaminates"}
 #: The answer of a stress whose bounds lie below the strength.
 ELASTIC = "it stays elastic"
 #: Criterion of a largest stress that no strength judges.
-UNJUDGED = "stress"
+UNJUDGED_CRITERION = "stress"
 #: Criteria whose value is a stress -> its name, and that of the strength.
-STRESSES = {
-    UNJUDGED: ("von Mises stress", ""),
+STRESS_NAMES = {
+    UNJUDGED_CRITERION: ("von Mises stress", ""),
     "yield": ("von Mises stress", "yield strength"),
     "tension": ("tension", "strength in bending tests"),
 }
 #: Jumps of the stress over itself from which it has no bar.
-UNRESOLVED = 0.5
+UNRESOLVED_JUMP = 0.5
 #: Largest size of cells over the radius of a contact that they resolve.
-RESOLVED = 2.0
+RESOLVED_SIZE_RATIO = 2.0
 #: No points.
 NO_POINTS = np.zeros((0, 3))
 
@@ -106,7 +106,7 @@ class Margin(ReprMixin):
     @property
     def is_stress(self) -> bool:
         """Whether the value is a stress [Pa]; otherwise it is an exposure."""
-        return self.criterion in STRESSES
+        return self.criterion in STRESS_NAMES
 
     @property
     def has_bar(self) -> bool:
@@ -116,7 +116,7 @@ class Margin(ReprMixin):
     @property
     def remedy(self) -> str:
         """The cells that would give a bar, and where, in words; "" if there is one."""
-        return "" if self.cells is None else _remedy(self.cells)
+        return "" if self.cells is None else _remedy_text(self.cells)
 
     @property
     def exposure(self) -> float:
@@ -136,7 +136,7 @@ class Margin(ReprMixin):
     @property
     def reached(self) -> bool:
         """Whether yield or failure is reached at the worst point: exposure >= 1."""
-        return self.exposure >= 1 and self.criterion != UNJUDGED
+        return self.exposure >= 1 and self.criterion != UNJUDGED_CRITERION
 
     @property
     def stresses(self) -> tuple[float, float]:
@@ -159,10 +159,10 @@ class Margin(ReprMixin):
     @property
     def answer(self) -> str:
         """What becomes of the part; "cannot say" of a low stress that has no bar."""
-        event = CRITERIA[self.criterion][0]
+        event = CRITERION_TEXTS[self.criterion][0]
         least, largest = self.bounds
         if least >= 1:
-            return f"it {WHAT_HAPPENS[event]}"
+            return f"it {CERTAIN_TEXTS[event]}"
         if not self.has_bar and not self.reached:
             return "cannot say"
         return f"it may {event}" if largest >= 1 else ELASTIC
@@ -175,7 +175,7 @@ class Margin(ReprMixin):
         if self.impact:
             place += f", by impact {self.impact}"
 
-        if self.criterion == UNJUDGED:
+        if self.criterion == UNJUDGED_CRITERION:
             largest = f"the largest von Mises stress {self.scope}".rstrip()
             told = f"{largest} is {engineering(self.value, 'Pa')} {place}; the material has no"
             sentences = [f"{told} yield strength to compare it with"]
@@ -207,19 +207,20 @@ class Margin(ReprMixin):
         low, high = self.stresses
         if not self.is_stress:
             return f"exposure {low:.3g} to {high:.3g} with its errors, failure from 1"
-        return f"stress {_range_of(low, high)} with its errors, strength {self._strength_text}"
+        stress = _stress_range_text(low, high)
+        return f"stress {stress} with its errors, strength {self._strength_text}"
 
     def _largest(self, place: str) -> str:
         """The largest stress or exposure at `place`, and the margin of safety, in words."""
         margins = f"margin of safety {self.margin:.3g}"
         if not self.is_stress:
-            name = CRITERIA[self.criterion][1]
+            name = CRITERION_TEXTS[self.criterion][1]
             return f"exposure by {name} is {self.exposure:.3g}, {place}; {margins}"
 
         weakest, _ = self._strengths
         if weakest < self.strength:
             margins += f", {self.least_margin:.3g} against {engineering(weakest, 'Pa')}"
-        name, of_strength = STRESSES[self.criterion]
+        name, of_strength = STRESS_NAMES[self.criterion]
 
         return (
             f"{name}, {engineering(self.value, 'Pa')} {place}, is {self.exposure:.3g} of the"
@@ -233,7 +234,9 @@ class Margin(ReprMixin):
         if self.strength_range is None:
             return f"{told} (taken as exact: no range was given)"
         weakest, strongest = self.strength_range
-        return told if weakest == strongest else f"{told} ({_range_of(weakest, strongest)})"
+        return (
+            told if weakest == strongest else f"{told} ({_stress_range_text(weakest, strongest)})"
+        )
 
     def __str__(self) -> str:
         return self.sentence
@@ -242,12 +245,12 @@ class Margin(ReprMixin):
         return [(self.criterion, self.sentence)]
 
 
-def _range_of(*ends: float) -> str:
+def _stress_range_text(*ends: float) -> str:
     """A range of stresses [Pa], or a single one if both ends are equal, as text."""
     return " to ".join(dict.fromkeys(engineering(end, "Pa") for end in ends))
 
 
-class Zones(NamedTuple):
+class ExcludedZones(NamedTuple):
     """Places that a margin does not judge: at contacts, and near edges and supports.
 
     edges, supports : (n, 3) points [m] on sharp inner edges and on rigidly supported faces;
@@ -279,7 +282,7 @@ class Zones(NamedTuple):
         """
         radii = sorted(zone.ball[3] for zone in self.contacts)
         ends = dict.fromkeys(engineering(radius, "m", 2) for radius in (*radii[:1], *radii[-1:]))
-        of_contacts = f"{CONTACT_RADII:g} radii of the contact ({' to '.join(ends)})"
+        of_contacts = f"{PLASTIC_ZONE_RADII:g} radii of the contact ({' to '.join(ends)})"
         of_edges = f"{engineering(self.distance, 'm', 2)} of {self.of_edges}"
         counts = np.ones(len(points), dtype=bool)
         places = []
@@ -314,7 +317,7 @@ def is_within(points: Array, balls: Array) -> NDArray[np.bool_]:
 
 
 class NodalExposures(NamedTuple):
-    """Largest exposures of the P nodes of a part over a run, for `judged`.
+    """Largest exposures of the P nodes of a part over a run, for `judged_margin`.
 
     points (P, 3) [m]; (P,) each: exposure, its strength [Pa or 1], its time [s], relative mesh
     error of the stress, size of the cells [m].
@@ -328,7 +331,7 @@ class NodalExposures(NamedTuple):
     sizes: Array
 
 
-def judged(criterion: str, nodes: NodalExposures, zones: Zones) -> Margin | None:
+def judged_margin(criterion: str, nodes: NodalExposures, zones: ExcludedZones) -> Margin | None:
     """The margin of the worst node outside the zones; None if no exposure is above zero.
 
     There is no bar if the stress of the worst node, or of the one with the largest upper bound,
@@ -352,7 +355,7 @@ def judged(criterion: str, nodes: NodalExposures, zones: Zones) -> Margin | None
 
     # why there is no bar, and the cells that would give one
     cells: Refinement | None = None
-    jumping = [k for k in (worst, int(upper.argmax())) if nodes.error[k] > UNRESOLVED]
+    jumping = [k for k in (worst, int(upper.argmax())) if nodes.error[k] > UNRESOLVED_JUMP]
     if unresolved is not None:
         least = 0.0
         why = "the cells are larger than the contact"
@@ -362,10 +365,10 @@ def judged(criterion: str, nodes: NodalExposures, zones: Zones) -> Margin | None
         why = "it differs by half or more between cells"
         cells = (nodes.points[k].tolist(), float(nodes.sizes[k]) / 2)
 
-    notes = _at_edges(criterion, nodes, zones, ~counts)
+    notes = _edge_sentences(criterion, nodes, zones, ~counts)
     if cells is not None:
         largest = inf
-        notes.append(f"the stress has no bar: {why}; {_remedy(cells)}")
+        notes.append(f"the stress has no bar: {why}; {_remedy_text(cells)}")
 
     return Margin(
         *(criterion, float(exposure[worst]) * strength, strength, nodes.points[worst]),
@@ -377,8 +380,8 @@ def judged(criterion: str, nodes: NodalExposures, zones: Zones) -> Margin | None
     )
 
 
-def _at_edges(
-    criterion: str, nodes: NodalExposures, zones: Zones, left_out: BoolArray
+def _edge_sentences(
+    criterion: str, nodes: NodalExposures, zones: ExcludedZones, left_out: BoolArray
 ) -> list[str]:
     """A sentence on the largest stress among nodes `left_out` at sharp edges; [] without edges."""
     sharp = left_out & zones.at_edges(nodes.points) & ~zones.at_contacts(nodes.points)
@@ -387,7 +390,7 @@ def _at_edges(
     if not exposure[k]:
         return []
     value = float(exposure[k] * nodes.strength[k])
-    shown = engineering(value, "Pa") if criterion in STRESSES else f"{value:.3g}"
+    shown = engineering(value, "Pa") if criterion in STRESS_NAMES else f"{value:.3g}"
 
     return [
         f"at {zones.of_edges} an elastic stress has no limit: here up to {shown} at"
@@ -404,18 +407,18 @@ def _hidden_stress(
     for zone in contacts:
         distance = np.linalg.norm(nodes.points - zone.point, axis=1)
         size = float(nodes.sizes[distance.argmin()])
-        if zone.patch == inf and size > RESOLVED * zone.radius:
+        if zone.patch == inf and size > RESOLVED_SIZE_RATIO * zone.radius:
             unresolved = unresolved or zone
             continue
 
         patch = size / 2 if zone.patch == inf else max(zone.patch, size / 2)
-        edge = 0.0 if zone.thickness else CONTACT_RADII * zone.radius
+        edge = 0.0 if zone.thickness else PLASTIC_ZONE_RADII * zone.radius
         hidden += zone.spread(patch, np.maximum(distance - nodes.sizes, edge))
 
     return hidden, unresolved
 
 
-def _remedy(cells: Refinement) -> str:
+def _remedy_text(cells: Refinement) -> str:
     """The recommendation of smaller cells, in words."""
     point, size, *_ = cells
     told = f"cells of {engineering(size, 'm', 2)} ({CELL_ARGUMENTS})"
@@ -430,14 +433,14 @@ PLY_SURFACES = {
     "delamination": ("bottom", "middle", "top"),
 }
 #: Criterion -> strength that a material must have for it.
-STRENGTH_OF = {
+NEEDED_STRENGTHS = {
     "tension": "a strength in tension, as tensile = (45e6, 69e6) Pa",
     "tsai_hill": "layers that have Strengths",
     "tsai_wu": "layers that have Strengths",
     "delamination": "layers that have an interlaminar strength",
 }
 #: Quantity of a criterion that `criteria_of` names -> the criterion.
-CRITERION_OF = {
+CRITERIA_BY_QUANTITY = {
     "von_mises": "yield",
     "tension": "tension",
     "tsai_wu": "tsai_wu",
@@ -445,7 +448,7 @@ CRITERION_OF = {
 }
 
 
-def plies(structure: Structure, quantity: str, part: str | None) -> list[Place | None]:
+def ply_places(structure: Structure, quantity: str, part: str | None) -> list[Place | None]:
     """Places in the plies at which a ply criterion is evaluated; [None] for other quantities."""
     if quantity not in PLY_SURFACES:
         return [None]
@@ -469,7 +472,7 @@ def criteria_of(structure: Structure) -> list[str]:
 
     return [
         quantity
-        for quantity, criterion in CRITERION_OF.items()
+        for quantity, criterion in CRITERIA_BY_QUANTITY.items()
         if any(has_strength(strength, criterion) for strength in strengths)
     ]
 

@@ -24,28 +24,28 @@ from numpy.typing import NDArray
 from antiosc.base._types import Array, BoolArray
 from antiosc.impact.histories.factors import (
     AnyHistory,
-    amplitudes,
     modal_amplitudes,
-    stretch_in,
+    shape_factors,
+    stretch_of_motion,
 )
 from antiosc.impact.histories.parts import BodyHistory
 
 #: In double or single precision.
-Reals = NDArray[np.floating[Any]]
+RealArray = NDArray[np.floating[Any]]
 #: A scalar (...,) of components (..., c), a norm.
-Scalar = Callable[[Array], Array]
+ScalarFunction = Callable[[Array], Array]
 #: Function (components (S, c, B), scalar, which of them count (S,)) -> (largest values (S,), their
 #: times, bound on what those that count miss).
-Search = Callable[[Array, Scalar, BoolArray], tuple[Array, Array, float | None]]
+MaximumSearch = Callable[[Array, ScalarFunction, BoolArray], tuple[Array, Array, float | None]]
 
 #: Share of a value that the samples may miss, of those from half of the largest one on.
-TIME_ERROR, HIGH_SHARE = 0.01, 0.5
+MAX_MISSED_SHARE, HIGH_VALUE_SHARE = 0.01, 0.5
 #: Fewest steps over the run, and most, so that long runs of high modes end.
-FEWEST_STEPS, MOST_STEPS = 500, 40_000
+MIN_STEPS, MAX_STEPS = 500, 40_000
 #: Times whose motion is computed together, and bytes of the values of a block of nodes.
 TIMES_AT_ONCE, BLOCK_BYTES = 1000, 2**26
 #: Two nodes of a history closer than this share of the run are one.
-SAME_TIME = 1e-12
+SAME_TIME_SHARE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class BodyMotion:
 
 def search_of(
     history: AnyHistory, body: str, derivative: int, times: Array, *, given: bool, static: bool
-) -> Search:
+) -> MaximumSearch:
     """A function that finds the largest values over a run of a history; see `searched_maxima`.
 
     `derivative`: of the motion; `given`: at `times` alone; `static`: one more column has the factor
@@ -77,25 +77,25 @@ def search_of(
 
     def factors(at: Array) -> Array:
         """Factors (k, B) of the columns at times (k,) [s]."""
-        found = amplitudes(history, at, body, derivative)
+        found = shape_factors(history, at, body, derivative)
         return np.pad(found, ((0, 0), (0, int(static))), constant_values=1.0)
 
     if given or isinstance(history, BodyHistory):
-        return at_times(factors(times), times)
+        return search_at_times(factors(times), times)
 
-    times = _evenly(times, MOST_STEPS)
+    times = _evenly_chosen(times, MAX_STEPS)
     omega, modal, sizes = modal_amplitudes(history, times, body, derivative)
     columns = factors(times[:1]).shape[1]
     modal = np.pad(modal, ((0, 0), (0, columns - modal.shape[1])))
     motion = BodyMotion(times, factors, omega, modal, sizes)
-    bounded = stretch_in(history, body) is None
+    bounded = stretch_of_motion(history, body) is None
     return functools.partial(searched_maxima, motion, bounded=bounded)
 
 
-def at_times(factors: Array, times: Array) -> Search:
+def search_at_times(factors: Array, times: Array) -> MaximumSearch:
     """A function that finds the largest values at `times` (k,), with `factors` (k, B) there."""
 
-    def search(columns: Array, scalar: Scalar, _: BoolArray) -> tuple[Array, Array, None]:
+    def search(columns: Array, scalar: ScalarFunction, _: BoolArray) -> tuple[Array, Array, None]:
         """As `searched_maxima`, without an error bound."""
         return (*sampled_maxima(columns, factors, times, scalar), None)
 
@@ -103,7 +103,11 @@ def at_times(factors: Array, times: Array) -> Search:
 
 
 def searched_maxima(
-    motion: BodyMotion, columns: Array, scalar: Scalar, counts: BoolArray, bounded: bool = True
+    motion: BodyMotion,
+    columns: Array,
+    scalar: ScalarFunction,
+    counts: BoolArray,
+    bounded: bool = True,
 ) -> tuple[Array, Array, float | None]:
     """(largest value (S,) of a scalar, its time (S,) [s], bound on what is missed or None).
 
@@ -113,20 +117,22 @@ def searched_maxima(
     if not len(columns):  # they are those of another rank
         return np.zeros(0), np.zeros(0), 0.0
 
-    coarse = float(np.ptp(motion.nodes)) / FEWEST_STEPS
-    values, times = _maxima(motion, coarse, columns, scalar)
+    coarse = float(np.ptp(motion.nodes)) / MIN_STEPS
+    values, times = _step_maxima(motion, coarse, columns, scalar)
     top = float(values[counts].max(initial=0.0))
     if not top:
         return values, times, 0.0
 
-    high = np.flatnonzero(counts & (values >= HIGH_SHARE * top))
+    high = np.flatnonzero(counts & (values >= HIGH_VALUE_SHARE * top))
     step, missed = _time_step(motion, coarse, columns[high], values[high], scalar)
     if step < coarse:
-        values[high], times[high] = _maxima(motion, step, columns[high], scalar)
+        values[high], times[high] = _step_maxima(motion, step, columns[high], scalar)
     return values, times, missed * top if bounded else None
 
 
-def _maxima(motion: BodyMotion, step: float, columns: Array, scalar: Scalar) -> tuple[Array, Array]:
+def _step_maxima(
+    motion: BodyMotion, step: float, columns: Array, scalar: ScalarFunction
+) -> tuple[Array, Array]:
     """(largest value (S,), its time (S,)), by parabolas, with time steps of `step` [s]."""
     times = _sample_times(motion.nodes, step)
     blocks = (times[k : k + TIMES_AT_ONCE] for k in range(0, len(times), TIMES_AT_ONCE))
@@ -137,20 +143,20 @@ def _maxima(motion: BodyMotion, step: float, columns: Array, scalar: Scalar) -> 
 
     three = np.clip(k[:, None] + (-1, 0, 1), 0, len(times) - 1)
     y = np.zeros(three.shape)
-    for block in _blocks(len(columns), 3 * factors.shape[1]):
+    for block in _node_blocks(len(columns), 3 * factors.shape[1]):
         near = np.einsum("scb,snb->snc", columns[block], factors[three[block]], optimize=True)
         y[block] = scalar(near)
     return _parabola_tops(times[three], y)
 
 
 def sampled_maxima(
-    columns: Reals, factors: Reals, times: Array, scalar: Scalar
+    columns: RealArray, factors: RealArray, times: Array, scalar: ScalarFunction
 ) -> tuple[Array, Array]:
     """(largest value (S,) of a scalar of `columns` (S, c, B) at `times`, its time (S,))."""
     values = np.zeros(len(columns))
     peak_times = np.zeros(len(columns))
-    for block in _blocks(len(columns), columns.shape[1] * len(times)):
-        sampled = _values(columns[block], factors, scalar)
+    for block in _node_blocks(len(columns), columns.shape[1] * len(times)):
+        sampled = _scalar_values(columns[block], factors, scalar)
         k = sampled.argmax(axis=1)
         values[block] = sampled[np.arange(len(k)), k]
         peak_times[block] = times[k]
@@ -172,14 +178,18 @@ def _parabola_tops(t: Array, y: Array) -> tuple[Array, Array]:
 
 
 def _time_step(
-    motion: BodyMotion, coarse: float, columns: Array, values: Array, scalar: Scalar
+    motion: BodyMotion, coarse: float, columns: Array, values: Array, scalar: ScalarFunction
 ) -> tuple[float, float]:
     """(time step [s] <= `coarse`, largest share that it misses of one of `values` (S,))."""
     curved = 0.0
     weights = np.zeros(len(motion.omega))
     # of the node where the modes curve the value most, relative to it
-    for block in _blocks(len(columns), columns.shape[1] * len(weights)):
-        share = _values(columns[block], motion.shapes, scalar) * motion.sizes / values[block, None]
+    for block in _node_blocks(len(columns), columns.shape[1] * len(weights)):
+        share = (
+            _scalar_values(columns[block], motion.shapes, scalar)
+            * motion.sizes
+            / values[block, None]
+        )
         curvatures = share @ motion.omega**2
         worst = int(curvatures.argmax())
         if curvatures[worst] > curved:
@@ -191,8 +201,8 @@ def _time_step(
         return float(weights @ np.minimum(2.0, (motion.omega * h) ** 2 / 8))
 
     step = coarse
-    least = coarse * FEWEST_STEPS / MOST_STEPS
-    while missed(step) > TIME_ERROR and step > least:
+    least = coarse * MIN_STEPS / MAX_STEPS
+    while missed(step) > MAX_MISSED_SHARE and step > least:
         step = max(step / 1.5, least)
     return step, missed(step)
 
@@ -203,8 +213,8 @@ def _sample_times(nodes: Array, step: float) -> Array:
     if not step:
         return nodes
     span = nodes[-1] - nodes[0]
-    nodes = _evenly(nodes, int(span / step))
-    nodes = nodes[np.append(True, np.diff(nodes) > SAME_TIME * span)]
+    nodes = _evenly_chosen(nodes, int(span / step))
+    nodes = nodes[np.append(True, np.diff(nodes) > SAME_TIME_SHARE * span)]
 
     gaps = np.diff(nodes)
     intervals = np.maximum(np.ceil(gaps / step), 1).astype(int)
@@ -214,20 +224,20 @@ def _sample_times(nodes: Array, step: float) -> Array:
     return np.append(inner, nodes[-1])
 
 
-def _evenly(times: Array, most: int) -> Array:
+def _evenly_chosen(times: Array, most: int) -> Array:
     """At most `most` of the times, evenly chosen, the first and the last included."""
     if len(times) <= most:
         return times
     return times[np.linspace(0, len(times) - 1, most).astype(int)]
 
 
-def _values(columns: Reals, factors: Reals, scalar: Scalar) -> Array:
+def _scalar_values(columns: RealArray, factors: RealArray, scalar: ScalarFunction) -> Array:
     """Scalar (S, n) of components (S, c, B) at n times, with `factors` (n, B)."""
     rows = columns.reshape(-1, columns.shape[2]) @ factors.T  # one product is 5 times S products
     return scalar(np.moveaxis(rows.reshape(*columns.shape[:2], len(factors)), 1, -1))
 
 
-def _blocks(nodes: int, numbers: int) -> Iterator[slice]:
+def _node_blocks(nodes: int, numbers: int) -> Iterator[slice]:
     """Slices of nodes whose arrays, of `numbers` numbers a node, fit in `BLOCK_BYTES`."""
     size = max(1, BLOCK_BYTES // (8 * 3 * max(numbers, 1)))
     return (slice(first, first + size) for first in range(0, nodes, size))

@@ -37,14 +37,14 @@ from antiosc.fields.fields import (
     outer_faces,
     shapes_of,
     tensors_at_nodes,
-    without_unused,
+    without_unused_nodes,
 )
-from antiosc.fields.margin import Margin, NodalExposures, Zones
-from antiosc.fields.maxima import Scalar, Search, at_times, search_of
+from antiosc.fields.margin import ExcludedZones, Margin, NodalExposures
+from antiosc.fields.maxima import MaximumSearch, ScalarFunction, search_at_times, search_of
 from antiosc.impact.histories import History
-from antiosc.impact.histories.factors import AnyHistory, amplitudes, times_of
+from antiosc.impact.histories.factors import AnyHistory, checked_times, shape_factors
 from antiosc.impact.histories.parts import BodyHistory
-from antiosc.impact.histories.verdict import ContactZone, contact_zones, yields
+from antiosc.impact.histories.verdict import ContactZone, contact_zones, does_yield
 from antiosc.plot.charts import figure_or_path
 from antiosc.recovery import source
 from antiosc.recovery.place import AnyStrength, NodeTensors, Place, place
@@ -67,7 +67,7 @@ PEAK_QUANTITIES = {
     **{name: ("stress", 0, "") for name in margin.PLY_SURFACES},
 }
 #: Distance between two places of `PeakField.largest`, over the size of the part.
-LEAST_DISTANCE = 0.05
+MIN_PLACE_DISTANCE = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -122,7 +122,7 @@ class PeakField(CompletedResult):
         InputError
             The quantity is not a stress that has a strength, or no material has one.
         """
-        if self._margin is None or self._margin.criterion == margin.UNJUDGED:
+        if self._margin is None or self._margin.criterion == margin.UNJUDGED_CRITERION:
             raise InputError(
                 f"no margin for {self.quantity}: the material has no strength; give it a "
                 "yield_strength for 'von_mises', or its layers a strength for 'tsai_wu'."
@@ -150,7 +150,7 @@ class PeakField(CompletedResult):
         """
         count = checks.whole("count", count)
         if apart is None:
-            apart = LEAST_DISTANCE * float(np.ptp(self.points, axis=0).max())
+            apart = MIN_PLACE_DISTANCE * float(np.ptp(self.points, axis=0).max())
         apart = checks.nonnegative("apart", apart, "m")
         open_to = np.ones(len(self.values), dtype=bool)
         largest_of_kind: list[tuple[float, Array, float]] = []
@@ -306,7 +306,7 @@ def peak_field(
     checks.choice("quantity", quantity, tuple(PEAK_QUANTITIES))
     checks.instance("structure", structure, Structure, "a Structure")
     recovered, derivative, unit = PEAK_QUANTITIES[quantity]
-    places = _places(surface, layer, fibre)
+    places = _thickness_places(surface, layer, fibre)
     if part is not None:
         checks.text("part", part)
     if r0 is not None:
@@ -320,22 +320,22 @@ def peak_field(
 
     # nodes, and those that count
     points, cells, moved = source(structure).at_nodes(structure, shapes, part)
-    zones = Zones()
+    zones = ExcludedZones()
     if recovered == "stress":
-        zones = _zones(structure, part, contacts, r0, points[~moved.any(axis=(1, 2))])
+        zones = _excluded_zones(structure, part, contacts, r0, points[~moved.any(axis=(1, 2))])
     counts = ~(zones.at_contacts(points) | zones.at_edges(points))
 
     # the largest values of all nodes
     static = recovered != "motion" and structure.matrices.preload is not None
-    instants = times_of(history, times)
+    instants = checked_times(history, times)
     search = search_of(history, body, derivative, instants, given=times is not None, static=static)
 
     if recovered == "motion":
-        best = Maxima(*search(moved, vector_length, counts))
+        best = NodalMaxima(*search(moved, vector_length, counts))
     else:
-        best = Maxima.none(len(points))
+        best = NodalMaxima.none(len(points))
         known: set[AnyStrength] = set()
-        plies = margin.plies(structure, quantity, part)
+        plies = margin.ply_places(structure, quantity, part)
         for number, ply in enumerate(plies):
             selection = recovered, places, part, ply
             tensors = tensors_at_nodes(structure, history, body, shapes, *selection)[2]
@@ -345,11 +345,10 @@ def peak_field(
                 tensors = tensors._replace(columns=columns)
             _add_maxima(best, quantity, tensors, search, counts, number)
             known.update(strength for strength, _ in tensors.origins)
-        criterion = quantity in margin.CRITERIA
+        criterion = quantity in margin.CRITERION_TEXTS
         if criterion and not any(margin.has_strength(one, quantity) for one in known):
-            raise InputError(
-                f"the criterion {quantity!r} needs materials with {margin.STRENGTH_OF[quantity]}."
-            )
+            strengths = margin.NEEDED_STRENGTHS[quantity]
+            raise InputError(f"the criterion {quantity!r} needs materials with {strengths}.")
 
     # errors by the mesh
     points, cells, best = structure.comm.bcast((points, cells, best), root=0)
@@ -366,7 +365,7 @@ def peak_field(
     if result._margin is not None:
         at_ply = plies[int(best.ply[result.judged])]
         told = "" if at_ply is None else f"layer {at_ply.layer} ({at_ply.surface})"
-        dents = isinstance(history, History) and any(map(yields, history.contact_histories))
+        dents = isinstance(history, History) and any(map(does_yield, history.contact_histories))
         own = replace(result._margin, layer=told, contact=dents and result._margin.is_stress)
         result = replace(result, _margin=own)
 
@@ -374,7 +373,7 @@ def peak_field(
 
 
 @dataclass
-class Maxima:
+class NodalMaxima:
     """Largest values (P,) at all points, their times, and a bound on the error by sampling.
 
     Of stresses also the largest `exposure`, `strength` [Pa or 1], time (`exposed`) and number of
@@ -391,7 +390,7 @@ class Maxima:
     mesh_error: Array | None = None
 
     @classmethod
-    def none(cls, count: int) -> Maxima:
+    def none(cls, count: int) -> NodalMaxima:
         """Maxima at `count` points, without any value yet."""
         values, times, exposure, exposed = np.zeros((4, count))
         strength, ply = np.full(count, np.inf), np.zeros(count, dtype=int)
@@ -417,31 +416,36 @@ class Maxima:
         self.exposure[nodes[k]], self.exposed[nodes[k]] = values[k] / strength, times[k]
         self.strength[nodes[k]], self.ply[nodes[k]] = strength, ply
 
-    def at(self, nodes: IntArray) -> Maxima:
+    def at(self, nodes: IntArray) -> NodalMaxima:
         """The maxima at some of the points."""
         arrays = {k: v[nodes] for k, v in vars(self).items() if np.size(v) > 1}
         return replace(self, **arrays)
 
 
 def _add_maxima(
-    best: Maxima, quantity: str, tensors: NodeTensors, search: Search, counts: BoolArray, ply: int
+    best: NodalMaxima,
+    quantity: str,
+    tensors: NodeTensors,
+    search: MaximumSearch,
+    counts: BoolArray,
+    ply: int,
 ) -> None:
     """Add to `best` the largest values of tensors, all of equal strength in one search."""
     strengths = [strength for strength, _ in tensors.origins]
     for strength in dict.fromkeys(strengths):
-        if quantity in margin.CRITERIA and not margin.has_strength(strength, quantity):
+        if quantity in margin.CRITERION_TEXTS and not margin.has_strength(strength, quantity):
             continue
         same = [k for k, other in enumerate(strengths) if other == strength]
         rows = np.isin(tensors.origin, same)
         nodes, columns = tensors.nodes[rows], tensors.columns[rows]
 
-        scalar, own = _scalar(quantity, strength)
+        scalar, own = _scalar_and_strength(quantity, strength)
         if scalar is vector_length:
             columns = von_mises_parts(columns)
         best.add(nodes, search(columns, scalar, counts[nodes]), own, ply)
 
 
-def _scalar(quantity: str, strength: AnyStrength) -> tuple[Scalar, float]:
+def _scalar_and_strength(quantity: str, strength: AnyStrength) -> tuple[ScalarFunction, float]:
     """(function that gives the scalar of a tensor, strength that judges it; nan: none)."""
     if quantity in margin.PLY_SURFACES:
         assert isinstance(strength, Strengths)
@@ -455,10 +459,10 @@ def _scalar(quantity: str, strength: AnyStrength) -> tuple[Scalar, float]:
 
 
 def _peak_field_of(
-    quantity: str, unit: str, points: Array, cells: list[tuple[str, IntArray]], best: Maxima
-) -> tuple[PeakField, Maxima]:
+    quantity: str, unit: str, points: Array, cells: list[tuple[str, IntArray]], best: NodalMaxima
+) -> tuple[PeakField, NodalMaxima]:
     """(the field, its maxima) at the nodes that `cells` have."""
-    used, numbered = without_unused(cells)
+    used, numbered = without_unused_nodes(cells)
     best = best.at(used)
     exposures = best.exposure if best.exposure.any() else None
     of_values = points[used], best.values, best.times, numbered, best.error
@@ -477,17 +481,17 @@ def _mesh_error(
     from antiosc.recovery.mesh_fields import stress_jumps  # needs dolfinx
 
     instants, number = np.unique(times, return_inverse=True)
-    factors = amplitudes(history, instants, body)[number.ravel()]
+    factors = shape_factors(history, instants, body)[number.ravel()]
     return stress_jumps(structure, shapes, factors, part)
 
 
-def _zones(
+def _excluded_zones(
     structure: Structure,
     part: str | None,
     contacts: Sequence[ContactZone],
     r0: float | None,
     held: Array,
-) -> Zones:
+) -> ExcludedZones:
     """Places where no margin is judged: near edges, on solids only; at contacts, except on beams.
 
     The stresses of beams are exact at contacts. `held` (n, 3): points [m] of rigid supports.
@@ -495,28 +499,30 @@ def _zones(
     module = source(structure)
     families = module.families(structure, part)
     if not families & {"solid", "sheet"}:
-        return Zones()
+        return ExcludedZones()
     if "solid" not in families:
         materials = module.materials_of(structure, part)
         thickness = max(getattr(material, "thickness", 0.0) for material in materials)
-        return Zones([zone._replace(thickness=thickness) for zone in contacts])
+        return ExcludedZones([zone._replace(thickness=thickness) for zone in contacts])
 
     held = structure.comm.bcast(held, root=0)
     half = module.half_thickness(structure, part)
     if not half:
-        return Zones(contacts)
+        return ExcludedZones(contacts)
     from antiosc.reduce.site.surface import inner_points  # needs dolfinx
 
     edges = inner_points(with_parts(structure), part, half / 4)
-    return Zones(contacts, edges, held, half if r0 is None else r0)
+    return ExcludedZones(contacts, edges, held, half if r0 is None else r0)
 
 
-def _with_margin(field: PeakField, best: Maxima, structure: Structure, zones: Zones) -> PeakField:
+def _with_margin(
+    field: PeakField, best: NodalMaxima, structure: Structure, zones: ExcludedZones
+) -> PeakField:
     """The field with the margin of its worst point, or the largest von Mises stress."""
     criterion = {"von_mises": "yield"}.get(field.quantity, field.quantity)
     exposures, strength, times = best.exposure, best.strength, best.exposed
     if field.exposure is None:
-        criterion, exposures, times = margin.UNJUDGED, field.values, field.times
+        criterion, exposures, times = margin.UNJUDGED_CRITERION, field.values, field.times
         strength = np.ones(len(times))
 
     if field.exposure is None and field.quantity != "von_mises":
@@ -528,14 +534,16 @@ def _with_margin(field: PeakField, best: Maxima, structure: Structure, zones: Zo
     sizes = margin.sizes_at_nodes(field.points, field._cells)
     nodes = NodalExposures(field.points, exposures, strength, times, share, sizes)
     counts, _ = zones.judged(field.points, exposures > 0)
-    worst = margin.judged(criterion, nodes, zones)
+    worst = margin.judged_margin(criterion, nodes, zones)
     if worst is not None:
         known = margin.strength_range(structure, worst) if worst.is_stress else None
         worst = replace(worst, strength_range=known)
     return replace(field, counts=counts, _margin=worst)
 
 
-def _places(surface: str | None, layer: int | None, fibre: Sequence[float] | None) -> list[Place]:
+def _thickness_places(
+    surface: str | None, layer: int | None, fibre: Sequence[float] | None
+) -> list[Place]:
     """Positions in thickness or section for the quantity; default: top and bottom."""
     surfaces = ["top", "bottom"] if surface is None else [surface]
     return [place(side, layer, fibre, "global") for side in surfaces]
@@ -588,7 +596,7 @@ class PrestressedState(ReprMixin):
     def _moved(self) -> tuple[Array, Array]:
         structure = self._structure
         points, cells, moved = source(structure).at_nodes(structure, self._preload.q[:, None])
-        used, _ = without_unused(cells)
+        used, _ = without_unused_nodes(cells)
         both: tuple[Array, Array] = structure.comm.bcast((points[used], moved[used, :, 0]), root=0)
         return both
 
@@ -604,16 +612,16 @@ class PrestressedState(ReprMixin):
     def stress(self) -> PeakField:
         structure = self._structure
         module = source(structure)
-        places = _places(None, None, None)
+        places = _thickness_places(None, None, None)
         points, cells, tensors = module.tensors_at_nodes(structure, None, "stress", places)
 
-        search = at_times(np.ones((1, tensors.columns.shape[2])), np.zeros(1))
+        search = search_at_times(np.ones((1, tensors.columns.shape[2])), np.zeros(1))
         counts = np.ones(len(points), dtype=bool)
-        best = Maxima.none(len(points))
+        best = NodalMaxima.none(len(points))
         _add_maxima(best, "von_mises", tensors, search, counts, 0)
         points, cells, best = structure.comm.bcast((points, cells, best), root=0)
         field, best = _peak_field_of("von_mises", "Pa", points, cells, best)
-        return _with_margin(field, best, structure, Zones())
+        return _with_margin(field, best, structure, ExcludedZones())
 
     def _facts(self) -> list[tuple[str, str]]:
         facts = [("reserve", self._preload.reserve_text)]

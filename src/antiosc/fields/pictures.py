@@ -17,10 +17,10 @@ from antiosc.base.errors import InputError
 from antiosc.base.process import one_thread
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure
-from antiosc.fields.fields import nodal_motion, shapes_of, skin
+from antiosc.fields.fields import deformed_skin, nodal_motion, shapes_of
 from antiosc.fields.peaks import peak_field
 from antiosc.impact.histories import History, SceneHistory
-from antiosc.impact.histories.factors import amplitudes
+from antiosc.impact.histories.factors import shape_factors
 from antiosc.plot import surfaces
 from antiosc.plot.charts import figure_or_path
 from antiosc.plot.surfaces import DeformedSurface
@@ -65,7 +65,7 @@ def save_fields(
     shapes_of_body = shapes_of(structure, history, body)
     time = np.unique(history.time) if times is None else checks.nonempty("times", times)
     points, cells, shapes = source(structure).at_nodes(structure, shapes_of_body)
-    factors = amplitudes(history, time, body)
+    factors = shape_factors(history, time, body)
 
     arrays: Arrays = {"points": points, "shapes": shapes, "time": time, "factors": factors}
     arrays["kinds"] = np.array([kind for kind, _ in cells])
@@ -124,15 +124,17 @@ def plot_map(
 
     if triangles:
         faces = impact_map.elements[_front_faces(impact_map, axes)]
-        values = _on_faces(value[faces])
+        values = _face_means(value[faces])
         single_sites = impact_map.alone
         scale = surfaces.colour_scale(np.concatenate([values, value[single_sites]]))
         doubted = outlined[faces].sum(axis=1) > 1
         surfaces.draw_faces(figure, axes, x[faces], values, label, scale, 0.85, doubted)
-        _dots(axes, x[single_sites], scale.to_rgba(value[single_sites]), outlined[single_sites])
+        _draw_dots(
+            axes, x[single_sites], scale.to_rgba(value[single_sites]), outlined[single_sites]
+        )
     else:
         scale = surfaces.colour_scale(value)
-        _dots(axes, x, scale.to_rgba(value), outlined)
+        _draw_dots(axes, x, scale.to_rgba(value), outlined)
         figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
 
     if outlined.any():
@@ -162,14 +164,14 @@ def _front_faces(impact_map: Any, axes: Axes3D) -> BoolArray:
     return np.asarray((normal @ view) * -np.sign(cosines) > 0)
 
 
-def _dots(axes: Axes3D, points: Array, colours: Array, outlined: BoolArray) -> None:
+def _draw_dots(axes: Axes3D, points: Array, colours: Array, outlined: BoolArray) -> None:
     """Draw dots at points (n, 3), with dark edges where the mask `outlined` is true."""
     edges = colours.copy()
     colours[outlined, :3], edges[outlined, :3] = 1.0, 0.0
     axes.scatter(*points.T, c=colours, edgecolors=edges, s=30, depthshade=False)
 
 
-def _on_faces(value: Array) -> Array:
+def _face_means(value: Array) -> Array:
     """Mean (T,) of the known corner values (T, 3); NaN where fewer than two are known."""
     has_value = ~np.isnan(value)
     count = has_value.sum(axis=1)
@@ -214,8 +216,8 @@ def plot_deformed(
         A model without shapes, or extracted from another structure; a mesh of lines.
     """
     seen_from = None if view is None else checks.floats("view", view, (2,))
-    arrow = _arrow(point, direction)
-    surface = deformed(structure, history, time, body, field)
+    arrow = _impact_arrow(point, direction)
+    surface = deformed_surface(structure, history, time, body, field)
     mark = None if field is None else int(np.argmax(surface.values))
     figure = surfaces.deformed_figure(
         surface, arrow=arrow, view=seen_from, mark=mark, shown=path is None
@@ -223,7 +225,7 @@ def plot_deformed(
     return figure_or_path(figure, path)
 
 
-def deformed(
+def deformed_surface(
     structure: Structure,
     history: History,
     time: float | None,
@@ -247,14 +249,14 @@ def deformed(
         *_, displacements = nodal_motion(structure, history, time, body=body)
         return peak.surface(f"{peak.label} at {1e3 * time:.4g} ms", displacements)
 
-    points, faces, displacements = skin(
+    points, faces, displacements = deformed_skin(
         structure, history, checks.number("time", time, "s"), body=body
     )
     largest = float(np.linalg.norm(displacements, axis=1).max())
     return DeformedSurface.from_displacements(points, faces, displacements, largest)
 
 
-def _arrow(
+def _impact_arrow(
     point: Sequence[float] | None, direction: Sequence[float] | None
 ) -> tuple[Array, Array] | None:
     """(point, direction) of the arrow that shows the impact; None if one is unknown."""

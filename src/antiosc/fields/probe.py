@@ -28,9 +28,15 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements import Section
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure
-from antiosc.fields.fields import shapes_of, with_pairs
+from antiosc.fields.fields import shapes_of, with_pair_columns
 from antiosc.impact.histories import History
-from antiosc.impact.histories.factors import AT_ONCE, AnyHistory, amplitudes, modes_of, times_of
+from antiosc.impact.histories.factors import (
+    TIMES_AT_ONCE,
+    AnyHistory,
+    checked_times,
+    modes_with_shapes,
+    shape_factors,
+)
 from antiosc.impact.histories.motion import RunHistory
 from antiosc.impact.histories.parts import BodyHistory
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -45,23 +51,23 @@ PROBED_QUANTITIES = (
     *("strain", "stress", "von_mises", "section_forces"),
 )
 #: Those that are vectors.
-MOTIONS = PROBED_QUANTITIES[:4]
+MOTION_QUANTITIES = PROBED_QUANTITIES[:4]
 #: Which time derivative of the coordinates a quantity is made of.
-DERIVATIVES = {"velocity": 1, "acceleration": 2}
+DERIVATIVE_ORDERS = {"velocity": 1, "acceleration": 2}
 #: Points of a strain gauge along its length (Gauss–Legendre): an even number, since the middle of a
 #: gauge often lies between two cells, whose strains differ.
-GAUGE_POINTS = 6
+GAUGE_POINT_COUNT = 6
 #: Distance of a gauge from the structure, over its length, that is taken as lying on it.
 GAUGE_TOLERANCE = 0.05
 #: Samples of a filtered signal in a period of the highest mode, and in the shortest contact; least
 #: and largest number of them. On a bracket the peak acceleration through CFC1000 and CFC600 is
 #: within 6e-5 of that of 12 samples in a period (n = 20, 40 and 160).
-SAMPLES_OF_A_MODE, SAMPLES_OF_A_CONTACT, SAMPLES = 3, 50, (50, 200_000)
+SAMPLES_PER_PERIOD, SAMPLES_PER_CONTACT, SAMPLE_LIMITS = 3, 50, (50, 200_000)
 #: Share of the anti-oscillators from which there is no bar: a peak acceleration of 26 km/s² with 40
 #: of them, and a share of 0.89, was 64 km/s² with 160.
-LARGEST_TRUNCATION = 0.1
+MAX_TRUNCATION_ERROR = 0.1
 #: Least and largest time integration error of a repeated impact.
-LEAST_ERROR, DEFAULT_ERROR = 1e-6, 1e-4
+MIN_TIME_ERROR, MAX_TIME_ERROR = 1e-6, 1e-4
 
 
 @collective()
@@ -170,14 +176,18 @@ def probe(
     checks.choice("quantity", quantity, PROBED_QUANTITIES)
     checks.instance("structure", structure, Structure, "a Structure")
     position = place(surface, layer, fibre, axes, stiffener)
-    reach = _reach(point, snap)
+    reach = _reach_of_point(point, snap)
     x, part, end = located_point(structure, point, part, node)
     shapes = shapes_of(structure, history, body)
-    sample_times = times_of(history, times)
+    sample_times = checked_times(history, times)
     if end is None:
-        places = _on_outline(structure, part, position) if quantity == "von_mises" else [position]
+        places = (
+            _outline_places(structure, part, position) if quantity == "von_mises" else [position]
+        )
         columns = [
-            _columns(structure, history, body, shapes, x[None], quantity, part, tensors, reach)[0]
+            _probe_columns(
+                structure, history, body, shapes, x[None], quantity, part, tensors, reach
+            )[0]
             for tensors in places
         ]
     else:
@@ -185,23 +195,25 @@ def probe(
 
     # a filtered acceleration is the rate of the filtered velocity, of which no sample misses a peak
     is_rate = filter is not None and quantity == "acceleration"
-    derivative = DERIVATIVES.get(quantity, 0) - is_rate
+    derivative = DERIVATIVE_ORDERS.get(quantity, 0) - is_rate
 
     def signal(run: AnyHistory, at_times: Array) -> Array:
         """The quantity (n, places, …) of a run at times, or the motion that it is a rate of."""
-        factors = amplitudes(run, at_times, body, derivative)
+        factors = shape_factors(run, at_times, body, derivative)
         return np.stack([np.moveaxis(x @ factors.T, -1, 0) for x in columns], axis=1)
 
     if filter is None:
         values = signal(history, sample_times)
     else:
-        values = _filtered(structure, history, body, sample_times, filter, signal, int(is_rate))
+        values = _filtered_derivative(
+            structure, history, body, sample_times, filter, signal, int(is_rate)
+        )
     if quantity == "von_mises":
         return np.asarray(von_mises(values).max(axis=1))
     return values[:, 0]
 
 
-def _reach(point: object, snap: float | None) -> Reach:
+def _reach_of_point(point: object, snap: float | None) -> Reach:
     """How far the point may be moved onto the structure: `snap`; to a named group without limit."""
     if snap is not None:
         snap = inf if checks.is_rigid(snap) else checks.positive("snap", snap, "m")
@@ -222,7 +234,7 @@ def probed_point(
     InputError for a point that is off the structure.
     """
     x, part, end = located_point(structure, point, part, node)
-    reach = _reach(point, snap)
+    reach = _reach_of_point(point, snap)
     if end is not None:
         return None
     if not (structure.matrices.meshed or structure.matrices.assembled):
@@ -235,7 +247,7 @@ def probed_point(
     return place.placed
 
 
-def _on_outline(structure: Structure, part: str | None, position: Place) -> list[Place]:
+def _outline_places(structure: Structure, part: str | None, position: Place) -> list[Place]:
     """Places on the outlines of beam sections for the von Mises stress; for others `position`."""
     materials = source(structure).materials_of(structure, part, position.stiffener)
     sections = [getattr(material, "section", None) for material in materials]
@@ -298,19 +310,21 @@ def strain_gauge(
     x, part, end = located_point(structure, point, part)
     if end is not None:
         raise InputError(f"{point!r} is a point without a mesh: a gauge needs the cells of a part.")
-    nodes, weights = np.polynomial.legendre.leggauss(GAUGE_POINTS)
+    nodes, weights = np.polynomial.legendre.leggauss(GAUGE_POINT_COUNT)
     points = x + np.outer(nodes, d) * length / 2
     shapes = shapes_of(structure, history, body)
-    sample_times = times_of(history, times)
+    sample_times = checked_times(history, times)
     reach = Reach(
         "a point of the gauge,", GAUGE_TOLERANCE * length, "shorten the gauge, or move it"
     )
-    columns = _columns(structure, history, body, shapes, points, "strain", part, position, reach)
+    columns = _probe_columns(
+        structure, history, body, shapes, points, "strain", part, position, reach
+    )
     mean_strain = np.einsum("p,i,pijk,j->k", weights / 2, d, columns, d, optimize=True)
-    return np.asarray(amplitudes(history, sample_times, body) @ mean_strain)
+    return np.asarray(shape_factors(history, sample_times, body) @ mean_strain)
 
 
-def _columns(
+def _probe_columns(
     structure: Structure,
     history: AnyHistory,
     body: str,
@@ -334,10 +348,10 @@ def _columns(
             Array, module.recovered(structure, columns, *selection, second_order=second_order)
         )
 
-    return with_pairs(at, structure, history, body, shapes)
+    return with_pair_columns(at, structure, history, body, shapes)
 
 
-def _filtered(
+def _filtered_derivative(
     structure: Structure,
     history: AnyHistory,
     body: str,
@@ -373,13 +387,15 @@ def _filtered(
     memory = filter_memory(name)
     begin = max(times.min() - memory, 0.0)
     end = min(times.max() + memory, history.time[-1])
-    of_modes = SAMPLES_OF_A_MODE * modes_of(history, body).omega.max(initial=0.0) / (2 * np.pi)
-    of_contact = SAMPLES_OF_A_CONTACT / history.assembly.contact_time_estimate
-    rate = min(max(of_modes, of_contact), SAMPLES[1] / (end - begin))
-    count = max(ceil(max(rate, 1 / sampling_step(name)) * (end - begin)), SAMPLES[0])
+    of_modes = (
+        SAMPLES_PER_PERIOD * modes_with_shapes(history, body).omega.max(initial=0.0) / (2 * np.pi)
+    )
+    of_contact = SAMPLES_PER_CONTACT / history.assembly.contact_time_estimate
+    rate = min(max(of_modes, of_contact), SAMPLE_LIMITS[1] / (end - begin))
+    count = max(ceil(max(rate, 1 / sampling_step(name)) * (end - begin)), SAMPLE_LIMITS[0])
     t, step = np.linspace(begin, end, count, retstep=True)
     values = np.concatenate(
-        [signal(history, block) for block in np.array_split(t, ceil(count / AT_ONCE))]
+        [signal(history, block) for block in np.array_split(t, ceil(count / TIMES_AT_ONCE))]
     )
 
     margin = ceil(memory / step)
@@ -408,7 +424,7 @@ class ProbeError(float):
     def __new__(cls, truncation: float, force: float | None, mesh: float | None) -> ProbeError:
         """A number that is the sum of the shares; inf if a share is unknown or too large."""
         total = inf
-        if force is not None and mesh is not None and truncation < LARGEST_TRUNCATION:
+        if force is not None and mesh is not None and truncation < MAX_TRUNCATION_ERROR:
             total = truncation + mesh + force
         error = super().__new__(cls, total)
         error.truncation, error.force, error.mesh = truncation, force, mesh
@@ -462,8 +478,8 @@ def probe_error(
             " of which there must be two or more."
         )
     linear = replace(model, stretch=None)
-    at = times_of(history, times)
-    tol = min(max(history.error.get("force", DEFAULT_ERROR), LEAST_ERROR), DEFAULT_ERROR)
+    at = checked_times(history, times)
+    tol = min(max(history.error.get("force", MAX_TIME_ERROR), MIN_TIME_ERROR), MAX_TIME_ERROR)
 
     def values(run: History) -> Array:
         """Signed components (n, c) of the quantity; of motions their vectors."""
@@ -471,7 +487,11 @@ def probe_error(
 
     def largest(signal: Array) -> float:
         """Largest length of a motion's vector; of other quantities largest size of a component."""
-        sizes = np.linalg.norm(signal, axis=1) if quantity in MOTIONS else np.abs(signal[:, k])
+        sizes = (
+            np.linalg.norm(signal, axis=1)
+            if quantity in MOTION_QUANTITIES
+            else np.abs(signal[:, k])
+        )
         return float(sizes.max())
 
     own = values(history if model.stretch is None else history.rerun(linear, tol))

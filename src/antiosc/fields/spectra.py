@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 
 #: Oscillators in a decade by default, as standards of shock tests have it (MIL-STD-810, IEC
 #: 60068-2-81), …
-PER_DECADE = 48
+FREQUENCIES_PER_DECADE = 48
 #: … and the lowest frequency [Hz]; lower ones are taken for signals that last longer only.
-LOWEST_FREQUENCY = 10.0
+DEFAULT_LOWEST_FREQUENCY = 10.0
 #: Samples of a period of each oscillator. Extremes are those of parabolas through three samples,
 #: which are then within 0.02 % of those of a sine (0.17 % with 12 samples).
-SAMPLES_OF_A_PERIOD = 20
+SAMPLES_PER_PERIOD = 20
 #: Unequal steps are replaced by this share of their lower decile.
 DECILE_FRACTION = 0.5
 #: Deviation of a step from the mean one, over it, up to which samples are taken as equally spaced.
 STEP_TOLERANCE = 1e-6
 #: Most samples of a signal after interpolation.
-MOST_SAMPLES = 5_000_000
+MAX_SAMPLES = 5_000_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -130,7 +130,7 @@ def srs(
     InputError
         Times that do not ascend, frequencies that are not positive, too many samples.
     """
-    t, a = _signal(t, a)
+    t, a = _checked_signal(t, a)
     Q = checks.positive("Q", Q)
     if Q <= 0.5:
         raise InputError(f"Q must be above 0.5 (Q = 1/(2 ζ), and ζ below 1); got {Q:g}.")
@@ -145,7 +145,9 @@ def srs(
     if not f.size or f.min() <= 0:
         raise InputError("frequencies must be > 0 Hz, at least one.")
 
-    extremes = np.array([_extremes(t, a, frequency, Q, signal) for frequency in f.tolist()])
+    extremes = np.array(
+        [_extreme_responses(t, a, frequency, Q, signal) for frequency in f.tolist()]
+    )
     return ShockSpectrum(f, extremes[:, 0], extremes[:, 1], Q)
 
 
@@ -154,15 +156,15 @@ def _default_frequencies(t: Array, resolved: float) -> Array:
     span = float(t[-1] - t[0])
 
     # one period after the signal must not take more samples than there may be
-    low = max(min(LOWEST_FREQUENCY, 1 / span), 2 / (MOST_SAMPLES * _even_step(t)[0]))
-    top = max((t.size - 1) / span / SAMPLES_OF_A_PERIOD, 10 / span)
+    low = max(min(DEFAULT_LOWEST_FREQUENCY, 1 / span), 2 / (MAX_SAMPLES * _even_step(t)[0]))
+    top = max((t.size - 1) / span / SAMPLES_PER_PERIOD, 10 / span)
     top = max(min(top, resolved), 2 / span, 2 * low)
 
-    count = int(np.ceil(PER_DECADE * np.log10(top / low))) + 1
+    count = int(np.ceil(FREQUENCIES_PER_DECADE * np.log10(top / low))) + 1
     return np.geomspace(low, top, max(2, count))
 
 
-def _signal(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
+def _checked_signal(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
     """(times, values) as arrays of one length; of equal times (jumps) one is kept."""
     time = checks.column("t", t)
     value = checks.column("the signal", x, time.size)
@@ -198,19 +200,19 @@ def _resampled(t: Array, x: Array, step: float) -> tuple[Array, Array]:
 
 
 def _checked_samples(samples: float) -> float:
-    """`samples`; InputError for more than `MOST_SAMPLES`."""
-    if samples > MOST_SAMPLES:
+    """`samples`; InputError for more than `MAX_SAMPLES`."""
+    if samples > MAX_SAMPLES:
         raise InputError(
             f"the signal would have {samples:.3g} samples at equal steps, more than "
-            f"{MOST_SAMPLES:g}: give fewer or lower frequencies, or samples that are not as close "
+            f"{MAX_SAMPLES:g}: give fewer or lower frequencies, or samples that are not as close "
             "as its closest ones."
         )
     return samples
 
 
-def _extremes(t: Array, a: Array, f: float, Q: float, signal: str) -> tuple[float, float]:
+def _extreme_responses(t: Array, a: Array, f: float, Q: float, signal: str) -> tuple[float, float]:
     """(largest positive, largest negative response) of an oscillator of frequency f [Hz]."""
-    times, x = _resampled(t, a, 1 / (SAMPLES_OF_A_PERIOD * f))
+    times, x = _resampled(t, a, 1 / (SAMPLES_PER_PERIOD * f))
     h = float(times[-1] - times[0]) / (times.size - 1)
     tail = round(_checked_samples(np.ceil(1 / (f * h)) + 1 + x.size)) - x.size
 
@@ -222,7 +224,7 @@ def _extremes(t: Array, a: Array, f: float, Q: float, signal: str) -> tuple[floa
         y = _oscillator_acceleration(f, Q, h, "foh", changes)
         y += x[0] * _oscillator_acceleration(f, Q, h, "zoh", np.ones(y.size))
 
-    return _largest(y), _largest(-y)
+    return _largest_response(y), _largest_response(-y)
 
 
 def _oscillator_acceleration(f: float, Q: float, h: float, hold: str, x: Array) -> Array:
@@ -237,7 +239,7 @@ def _oscillator_acceleration(f: float, Q: float, h: float, hold: str, x: Array) 
     return np.asarray(lfilter(numerator.ravel(), denominator, x))
 
 
-def _largest(y: Array) -> float:
+def _largest_response(y: Array) -> float:
     """Largest value, at least 0, of a response, by the parabola through its largest sample."""
     k = int(np.argmax(y))
     top = float(y[k])

@@ -43,9 +43,9 @@ def largest_indentation(
     return float(depth)
 
 
-MINDLIN = 2 * (1 - 0.3) / (2 - 0.3)  # tangential over normal stiffness for nu = 0.3
-DEPTH_ERROR = 1e-9  # relative, of the depth that friction's stiffness is taken at
-LEAST_COMPLIANCE = 0.1  # fraction of a tangential compliance left to the slider's spring
+MINDLIN_RATIO = 2 * (1 - 0.3) / (2 - 0.3)  # tangential over normal stiffness for nu = 0.3
+FRICTION_DEPTH_TOL = 1e-9  # relative, of the depth that friction's stiffness is taken at
+MIN_COMPLIANCE_SHARE = 0.1  # fraction of a tangential compliance left to the slider's spring
 
 
 def expect_contacts(scene: SceneParts, system: System, local: Array, duration: float) -> float:
@@ -106,7 +106,7 @@ def _friction_parameters(
     """
     stiffness = contact.tangential_stiffness
     if stiffness is None:
-        deepest = largest_indentation(contact.law, *blow, close=DEPTH_ERROR)
+        deepest = largest_indentation(contact.law, *blow, close=FRICTION_DEPTH_TOL)
         state = law.touch(blow[0])
         slopes = []
         for phase in (np.arange(16) + 0.5) / 16 * (np.pi / 2):
@@ -116,12 +116,12 @@ def _friction_parameters(
             unloads = contact.law.tangent((1 - 1e-9) * delta, 0.0, unloading)[0]
             slopes.append(max(loads, unloads))
 
-        stiffness = MINDLIN * float(np.mean(np.where(np.isfinite(slopes), slopes, 0.0)))
+        stiffness = MINDLIN_RATIO * float(np.mean(np.where(np.isfinite(slopes), slopes, 0.0)))
         if law is contact.law:  # the patches give way besides, normally and so sideways
             local = 0.0
 
-    patches = stiffness * local / MINDLIN  # their share of the contact's compliance
-    return contact.friction, stiffness / max(1.0 - patches, LEAST_COMPLIANCE)
+    patches = stiffness * local / MINDLIN_RATIO  # their share of the contact's compliance
+    return contact.friction, stiffness / max(1.0 - patches, MIN_COMPLIANCE_SHARE)
 
 
 def effective_mass(beta: Array, omega: Array) -> float:
@@ -266,7 +266,7 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     gaps = np.append(gap, np.zeros(len(tangential)))
     breaks, loads, offsets = scene_parts.load_series(scene, bodies, stacked, G, gaps, duration)
     local = np.array([sum(b.local_compliance.get(s, 0.0) for b, s in pair) for pair in ends])
-    laws, notes = _laws(scene, local)
+    laws, notes = _laws_without_patches(scene, local)
     if not len(stacked.B):
         raise InputError("nothing in the scene can move: every body is an obstacle.")
 
@@ -291,17 +291,23 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     return Assembly(scene, bodies, G, laws, notes, system, time)
 
 
-def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:
+def _laws_without_patches(
+    scene: SceneParts, local_compliances: Array
+) -> tuple[list[ContactLaw], list[str]]:
     """The laws of all contacts by `without_patch`, and all notes."""
     laws = []
     notes = []
     for contact, local in zip(scene.contacts, local_compliances.tolist(), strict=True):
         stiffness = contact.tangential_stiffness
-        if contact.friction and stiffness and stiffness * local > (1 - LEAST_COMPLIANCE) * MINDLIN:
+        if (
+            contact.friction
+            and stiffness
+            and stiffness * local > (1 - MIN_COMPLIANCE_SHARE) * MINDLIN_RATIO
+        ):
             notes.append(
                 f"The patches of {contact.a!r}, {contact.b!r} give way sideways by"
-                f" {local / MINDLIN:.4g} m/N, which leaves less than a tenth of the compliance of"
-                f" tangential_stiffness = {stiffness:g} N/m: a tenth is taken."
+                f" {local / MINDLIN_RATIO:.4g} m/N, which leaves less than a tenth of the"
+                f" compliance of tangential_stiffness = {stiffness:g} N/m: a tenth is taken."
             )
         law, law_notes = without_patch(contact.law, local, contact.a, contact.b)
         laws.append(law)

@@ -19,11 +19,17 @@ from antiosc.base.texts import COMPLETED, STOPPED
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.impact.histories import History
-from antiosc.impact.histories.run_end import ALL_WELL, RunEnd, scenes_text, status_of, warn_batch
+from antiosc.impact.histories.run_end import (
+    COMPLETED_MESSAGE,
+    RunEnd,
+    scenes_text,
+    status_of,
+    warn_of_batch,
+)
 from antiosc.impact.many import Many
 from antiosc.impact.scene import DEFAULT_TOL, check_range, range_error, simulate_impact
 from antiosc.impact.settings import MAX_CONTACTS, MAX_STEPS, Settings
-from antiosc.impact.two_bodies import Impact, ImpactRows, Pair, assemble_pair
+from antiosc.impact.two_bodies import Impact, ImpactRows, ModalPair, assemble_pair
 from antiosc.models.body import AUTO, AnyLaw, LinearBody, info_of, is_auto, law_of
 
 T = TypeVar("T")
@@ -77,11 +83,11 @@ def common_length(lengths: dict[str, int]) -> int:
 
 
 #: Bytes of a scene with its results, measured with 20 000 and with 100 000 scenes.
-SCENE_BYTES = 3.2e3
+BYTES_PER_SCENE = 3.2e3
 #: Scenes that are solved at once.
-CHUNK_SIZE = 4096
+SCENES_PER_CHUNK = 4096
 #: What a batch leaves out that `simulate` warns of.
-NOT_CHECKED = (
+UNCHECKED_NOTE = (
     "truncation, cells, large deflections and rotations are not checked: simulate the worst impact"
     " alone"
 )
@@ -145,7 +151,7 @@ def simulate_many(
     }
     size = common_length({k: len(v) for k, v in arguments.items() if is_sequence(v)})
     process.require_memory(
-        SCENE_BYTES * size, f"a batch of {size} scenes", "simulate it in several calls"
+        BYTES_PER_SCENE * size, f"a batch of {size} scenes", "simulate it in several calls"
     )
     columns = {k: list(v) if is_sequence(v) else [v] * size for k, v in arguments.items()}
     settings = Settings(DEFAULT_TOL if tol is None else tol, method, None, max_contacts, max_steps)
@@ -153,13 +159,13 @@ def simulate_many(
     speeds = columns["initial_velocity"]
     plausible.warn_each(plausible.impact_doubts(columns["models"][:1], movers, *speeds))
     steps = cast("list[float | None]", columns.pop("step"))
-    columns["contacts"] = _laws(columns["contacts"], columns["models"], movers)
+    columns["contacts"] = _chosen_laws(columns["contacts"], columns["models"], movers)
     scenes = list(map(Impact._make, zip(*columns.values(), strict=True)))
-    rows: list[_Row] = []
+    rows: list[_SceneResult] = []
 
     with counting("simulating impacts", size) as report:
-        for begin in range(0, size, CHUNK_SIZE):
-            part = slice(begin, begin + CHUNK_SIZE)
+        for begin in range(0, size, SCENES_PER_CHUNK):
+            part = slice(begin, begin + SCENES_PER_CHUNK)
 
             def told(done: int, begin: int = begin) -> None:
                 report(begin + done)
@@ -167,15 +173,15 @@ def simulate_many(
             rows += _solve_chunk(scenes[part], steps[part], n, settings, told)
 
     _raise_failures(rows)
-    warn_batch([(r.status, r.message) for r in rows], [r.needed_radius for r in rows])
+    warn_of_batch([(r.status, r.message) for r in rows], [r.needed_radius for r in rows])
     if warned := [(i, row.told) for i, row in enumerate(rows) if row.told]:
         first, sentence = warned[0]
         which = scenes_text([i for i, _ in warned], size, first)
         warn(f"{which}: {sentence}", AccuracyWarning)
-    return _many(rows)
+    return _many_of(rows)
 
 
-def _laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[Any]:
+def _chosen_laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[Any]:
     """The contact laws of all scenes, chosen for "auto"; InputError names the scene."""
     laws_by_pair: dict[tuple[int, int], ContactLaw] = {}
     laws = list(contacts)
@@ -193,7 +199,7 @@ def _laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[
 
 
 @dataclass(eq=False)
-class _Row:
+class _SceneResult:
     """Results of one scene of a batch; `failure` is set for one that failed."""
 
     status: int
@@ -221,9 +227,9 @@ def _solve_chunk(
     n: int | str | None,
     settings: Settings,
     report: Callable[[int], None],
-) -> list[_Row]:
+) -> list[_SceneResult]:
     """Results of scenes: each group in one call of the C library, the other scenes one by one."""
-    rows: dict[int, _Row] = {}
+    rows: dict[int, _SceneResult] = {}
     groups: dict[tuple[object, ...], list[int]] = {}
     can_group = settings.method == "exact" and n is None
 
@@ -251,7 +257,7 @@ def _solve_chunk(
 
 def _solve_group(
     scenes: Sequence[Impact], settings: Settings, report: Callable[[int], None]
-) -> list[_Row | None]:
+) -> list[_SceneResult | None]:
     """Rows of a group of impacts; None for an impact that must be integrated separately."""
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
@@ -260,17 +266,17 @@ def _solve_group(
         return [None] * len(scenes)
     outcomes, pulses = group.solved(report)
     solved = zip(scenes, group.laws, outcomes.tolist(), pulses, strict=True)
-    return [_row_of(*outcome, group.pair, settings) for outcome in solved]
+    return [_result_of(*outcome, group.pair, settings) for outcome in solved]
 
 
-def _row_of(
+def _result_of(
     scene: Impact,
     law: ContactLaw,
     outcome: tuple[Any, ...],
     pulses: tuple[Array, Array],
-    pair: Pair,
+    pair: ModalPair,
     settings: Settings,
-) -> _Row | None:
+) -> _SceneResult | None:
     """The row of an outcome of the C library; None if the impact must be integrated separately."""
     answer, contacts, touches, goes_on, _, numbers, *others = outcome
     force, peak, certain, end, contact_time_estimate, *_ = others
@@ -278,15 +284,15 @@ def _row_of(
         return None
 
     run_end = RunEnd(answer, end, touches, [0] * goes_on, force, peak, certain)
-    status, message = COMPLETED, ALL_WELL
+    status, message = COMPLETED, COMPLETED_MESSAGE
     if answer != library.DONE or not touches or goes_on or not max(force, peak) <= settings.tol:
         limits = settings.max_contacts, settings.max_steps
         status, message = status_of(assemble_pair(scene), run_end, settings.tol, limits)
     peak_force, impulse, contact_time, restitution, closed, steps = numbers
     if peak_force > law.valid_force:
-        doubts = [*info_of(scene.model).get("doubts", ()), *_doubts(scene)]
-        return _failed(range_error(law, peak_force, pair.structure.patch_radius, doubts))
-    return _Row(
+        doubts = [*info_of(scene.model).get("doubts", ()), *_blow_doubts(scene)]
+        return _failed_result(range_error(law, peak_force, pair.structure.patch_radius, doubts))
+    return _SceneResult(
         status=status,
         message=message,
         peak_force=peak_force,
@@ -300,7 +306,7 @@ def _row_of(
     )
 
 
-def _doubts(scene: Impact) -> list[str]:
+def _blow_doubts(scene: Impact) -> list[str]:
     """Sentences on what is implausible in the blow of a scene; empty if nothing is."""
     (blow,) = plausible.impact_doubts([scene.model], [scene.impactor], scene.initial_velocity)
     return [blow] if blow else []
@@ -308,14 +314,14 @@ def _doubts(scene: Impact) -> list[str]:
 
 def _solve_single(
     scene: Impact, step: float | None, n: int | str | None, settings: Settings
-) -> _Row:
+) -> _SceneResult:
     """The row of one scene."""
     sentences: list[str] = []
     try:
         with warnings_to(sentences.append):
-            hit = _impact(scene, step, n, settings)
+            hit = _history_of(scene, step, n, settings)
             e = hit.restitution
-            return _Row(
+            return _SceneResult(
                 status=hit.status,
                 message=hit.message,
                 peak_force=hit.peak_force,
@@ -329,24 +335,26 @@ def _solve_single(
                 told=" ".join(sentences),
             )
     except AntioscError as error:
-        return _failed(error)
+        return _failed_result(error)
 
 
-def _failed(error: AntioscError) -> _Row:
+def _failed_result(error: AntioscError) -> _SceneResult:
     """The row of a scene that failed."""
-    return _Row(STOPPED, str(error), failure=error)
+    return _SceneResult(STOPPED, str(error), failure=error)
 
 
 @checks.within_range
-def _impact(scene: Impact, step: float | None, n: int | str | None, settings: Settings) -> History:
+def _history_of(
+    scene: Impact, step: float | None, n: int | str | None, settings: Settings
+) -> History:
     """The history of one scene; AccuracyError if its force is out of range."""
     scene = scene._replace(duration=checks.positive("duration", scene.duration, "s"))
     history = simulate_impact(scene, replace(settings, step=step), n)
-    check_range(history, _doubts(scene))
+    check_range(history, _blow_doubts(scene))
     return history
 
 
-def _raise_failures(rows: list[_Row]) -> None:
+def _raise_failures(rows: list[_SceneResult]) -> None:
     """Raise the first InputError or, if all failed, the error that needs the largest patch."""
     for i, row in enumerate(rows):
         if isinstance(row.failure, InputError):
@@ -358,7 +366,7 @@ def _raise_failures(rows: list[_Row]) -> None:
         raise type(error)(f"scene {i}: {error}") from error
 
 
-def _many(rows: list[_Row]) -> Many:
+def _many_of(rows: list[_SceneResult]) -> Many:
     """The results of these rows."""
 
     def columns(*names: str) -> dict[str, Array]:
@@ -373,8 +381,8 @@ def _many(rows: list[_Row]) -> Many:
         values=columns("peak_force", "impulse", "contact_time", "restitution"),
         failures={i: str(row.failure) for i, row in enumerate(rows) if row.failure is not None},
         facts=facts,
-        messages={i: message for i, message in told.items() if message != ALL_WELL},
+        messages={i: message for i, message in told.items() if message != COMPLETED_MESSAGE},
         force=[row.force for row in rows],
         what="impacts",
-        note=NOT_CHECKED,
+        note=UNCHECKED_NOTE,
     )

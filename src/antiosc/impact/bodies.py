@@ -82,7 +82,7 @@ class RigidMass(Checked, Body):
         if self.material is None and self.E is None:
             return
         matter = matter_of(self.material, self.E, self.nu, self.yield_strength)
-        checks.store(self, material=matter, **_constants(matter))
+        checks.store(self, material=matter, **_surface_constants(matter))
 
     def surface(self, site: str = "") -> Surface | None:
         """Its spherical tip; None if the radius or the material is unknown."""
@@ -106,7 +106,7 @@ class RigidMass(Checked, Body):
         return Hertz.from_radii(self.tip_radius, self.E, self.nu, radii, E, nu, angle)
 
     def modal(self) -> ModalBody:
-        return _mass_modes(self.mass)
+        return _modes_of_mass(self.mass)
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -169,7 +169,7 @@ class Sphere(FieldsRepr, Body):
             rho=checks.positive("rho", rho, "kg/m^3"),
             velocity=checks.number("velocity", velocity, "m/s"),
             material=matter,
-            **_constants(matter),
+            **_surface_constants(matter),
         )
 
         if mass is None:  # with a mass the radius may be that of a tip, and rho is no density
@@ -195,10 +195,10 @@ class Sphere(FieldsRepr, Body):
         return Hertz.from_radii(self.radius, self.E, self.nu, radii, E, nu, angle)
 
     def modal(self) -> ModalBody:
-        return _mass_modes(self.mass)
+        return _modes_of_mass(self.mass)
 
 
-def _constants(matter: Matter | None) -> dict[str, float | None]:
+def _surface_constants(matter: Matter | None) -> dict[str, float | None]:
     """E, nu and yield strength of a surface's material."""
     names = ("E", "nu", "yield_strength")
     return {name: getattr(matter, name, None) for name in names}
@@ -266,14 +266,14 @@ class Impactor(FieldsRepr, Body):
 
 
 @lru_cache(maxsize=256)
-def _mass_modes(mass: float) -> ModalBody:
+def _modes_of_mass(mass: float) -> ModalBody:
     root = sqrt(mass)
     b = np.array([1 / root])
     return unchecked_body(omega=np.zeros(1), b=b, weight=np.array([root]), shape=b[None])
 
 
 #: Steel (handbook values), Pa and kg/m³.
-STEEL = {"E": 210e9, "nu": 0.3}
+STEEL_CONSTANTS = {"E": 210e9, "nu": 0.3}
 STEEL_DENSITY = 7850.0  # handbook value
 #: Ice at 0 °C, kg/m³ (handbook value).
 ICE_DENSITY = 917.0
@@ -319,39 +319,45 @@ class NamedImpactor(FieldsRepr):
         return Gonthier(self.stiffness, self.restitution, exponent=1.0)
 
 
-_HAMMERS = (
+_HAMMER_SOURCE = (
     "IEC 60068-2-75, table 1 (striking elements), as interelectronix.com reprints it; its steel is"
     " Fe 490-2 of ISO 1052, which yields at 290 MPa (issuhub.com, tensile properties of steels)"
 )
 #: Yield strength of the hammers' steel [Pa].
 _HAMMER_STRENGTH = 290e6
-_POLYAMIDE = "tip of polyamide (Rockwell HRR 85 to 100): its modulus is not in the source"
-_PANES = "EN 12600: two tyres, 50 kg (spevetro.it, fti-europe.com), drop heights (userdeck.net)"
-_BALLS = (
+_POLYAMIDE_NOTE = "tip of polyamide (Rockwell HRR 85 to 100): its modulus is not in the source"
+_PENDULUM_SOURCE = (
+    "EN 12600: two tyres, 50 kg (spevetro.it, fti-europe.com), drop heights (userdeck.net)"
+)
+_TENNIS_BALL_SOURCE = (
     "ITF Rules of Tennis, appendix I, ball type 2 (as tenniscircle.us reprints it): 56.0 to "
     "59.4 g, 6.54 to 6.86 cm, forward deformation 0.56 to 0.74 cm at 8.165 kg, rebound of 135 to "
     "147 cm from 254 cm; here the middles"
 )
 #: Force of the deformation test of a tennis ball, N, and the deformation between two plates, m.
-_BALL_TEST = 8.165 * GRAVITY, 6.48e-3
-_HEADFORMS = "headforms of EU directive 2003/102/EC, phase 1, which ECE R127 continues: "
-_HAIL = "it crushes under impact, which no law here describes: give a contact law"
-_TYRES = "the stiffness of the tyres is not in the sources: give a contact law"
+_TENNIS_BALL_TEST = 8.165 * GRAVITY, 6.48e-3
+_HEADFORM_SOURCE = "headforms of EU directive 2003/102/EC, phase 1, which ECE R127 continues: "
+_HAIL_NOTE = "it crushes under impact, which no law here describes: give a contact law"
+_TYRE_NOTE = "the stiffness of the tyres is not in the sources: give a contact law"
 
 
 def _hammer(name: str, energy: float, mass: float, radius: float) -> NamedImpactor:
     """A hammer of IEC 60068-2-75 of this energy [J]; up to 1 J its tip is polyamide."""
     steel = energy > 1
     speed = sqrt(2 * energy / mass)
-    note = "" if steel else _POLYAMIDE
+    note = "" if steel else _POLYAMIDE_NOTE
     strength = _HAMMER_STRENGTH if steel else None
-    return NamedImpactor(name, _HAMMERS, mass, speed, radius, steel, strength, note=note)
+    return NamedImpactor(name, _HAMMER_SOURCE, mass, speed, radius, steel, strength, note=note)
 
 
 def _pendulum(number: int, height: float) -> NamedImpactor:
     """The twin-tyre pendulum of EN 12600 from its drop height [m]."""
     return NamedImpactor(
-        f"EN 12600 class {number}", _PANES, 50.0, sqrt(2 * GRAVITY * height), note=_TYRES
+        f"EN 12600 class {number}",
+        _PENDULUM_SOURCE,
+        50.0,
+        sqrt(2 * GRAVITY * height),
+        note=_TYRE_NOTE,
     )
 
 
@@ -371,28 +377,29 @@ _IMPACTOR_LIST = (
         0.04593, tip_radius=0.04267 / 2, note="its modulus is not in the source",
     ),
     NamedImpactor(
-        "tennis ball", _BALLS, 0.0577, tip_radius=0.067 / 2,
+        "tennis ball", _TENNIS_BALL_SOURCE, 0.0577, tip_radius=0.067 / 2,
         # the ball is pressed between two plates: each contact takes half of the deformation
-        stiffness=2 * _BALL_TEST[0] / _BALL_TEST[1], restitution=sqrt(1.41 / 2.54),
+        stiffness=2 * _TENNIS_BALL_TEST[0] / _TENNIS_BALL_TEST[1], restitution=sqrt(1.41 / 2.54),
         note="its stiffness is that of the static test, its restitution that at 7 m/s",
     ),
     NamedImpactor("steel ball", "steel of 7850 kg/m³, 210 GPa (handbook)", None, steel=True),
-    NamedImpactor("ice ball", "ice of 917 kg/m³ (handbook)", None, note=_HAIL),
+    NamedImpactor("ice ball", "ice of 917 kg/m³ (handbook)", None, note=_HAIL_NOTE),
     NamedImpactor(
         "hail 25 mm", "IEC 61215: ice balls of 25 mm and 7.53 g (th4.ilovetranslation.com)",
-        7.53e-3, tip_radius=12.5e-3, note=f"its speed is not in the source; {_HAIL}",
+        7.53e-3, tip_radius=12.5e-3, note=f"its speed is not in the source; {_HAIL_NOTE}",
     ),
     NamedImpactor(
         "hail 45 mm", "EN 12975: 45 mm at 30.7 m/s (energyprofessionalsymposium.com); its mass is"
-        " that of ice of 917 kg/m³", ICE_DENSITY * pi / 6 * 0.045**3, 30.7, 22.5e-3, note=_HAIL,
+        " that of ice of 917 kg/m³", ICE_DENSITY * pi / 6 * 0.045**3, 30.7, 22.5e-3,
+        note=_HAIL_NOTE,
     ),
     NamedImpactor(
-        "child headform", _HEADFORMS + "3.5 kg, 35 km/h at 50° to the horizontal (OICA, headform"
-        " tests data, GRSP informal group, January 2006)", 3.5, 35 / 3.6,
+        "child headform", _HEADFORM_SOURCE + "3.5 kg, 35 km/h at 50° to the horizontal (OICA,"
+        " headform tests data, GRSP informal group, January 2006)", 3.5, 35 / 3.6,
         note="the stiffness of its skin and its size are not in the source: give a contact law",
     ),
     NamedImpactor(
-        "adult headform", _HEADFORMS + "4.5 kg (TRL report PPR052)", 4.5,
+        "adult headform", _HEADFORM_SOURCE + "4.5 kg (TRL report PPR052)", 4.5,
         note="its speed, size and stiffness are not in the source: give a contact law",
     ),
 )  # fmt: skip
@@ -435,13 +442,13 @@ def named_impactor(
             raise InputError(f"a {name} has no size of its own: give a diameter in m.")
         radius = checks.positive("diameter", diameter, "m") / 2
         if impactor.steel:
-            return Sphere(radius, **STEEL, rho=STEEL_DENSITY, velocity=velocity)
+            return Sphere(radius, **STEEL_CONSTANTS, rho=STEEL_DENSITY, velocity=velocity)
         return RigidMass(ICE_DENSITY * 4 / 3 * pi * radius**3, velocity, tip_radius=radius)
 
     if diameter is not None:
         raise InputError(f"diameter is for the steel ball and the ice ball; got it for {name}.")
 
-    constants = STEEL if impactor.steel else {}
+    constants = STEEL_CONSTANTS if impactor.steel else {}
 
     return RigidMass(
         impactor.mass,
@@ -453,11 +460,11 @@ def named_impactor(
 
 
 #: cosine of the angle beyond which two directions are not taken as one
-PARALLEL = 0.999
+PARALLEL_COSINE = 0.999
 #: the largest principal moment over the sum of the others, in figures that are rounded
-MOMENT_ROUNDING = 1.01
+MAX_MOMENT_RATIO = 1.01
 #: share of a body's momentum in its elastic modes from which supports hold it
-SUPPORTED_SHARE = 1e-6
+SUPPORTED_MOMENTUM_SHARE = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -501,7 +508,7 @@ class RigidBody(FieldsRepr):
             )
 
         moments = np.linalg.eigvalsh(tensor)
-        if moments[2] > MOMENT_ROUNDING * (moments[0] + moments[1]):
+        if moments[2] > MAX_MOMENT_RATIO * (moments[0] + moments[1]):
             raise InputError(
                 f"inertia has the principal moments {moments[0]:g}, {moments[1]:g},"
                 f" {moments[2]:g} kg m^2, which no body has: none exceeds the sum of the others."
@@ -647,7 +654,7 @@ class SceneBody:
 
         size = float(np.abs(weights).max(initial=0.0))
 
-        return bool(np.any(np.abs(weights[~rigid]) > SUPPORTED_SHARE * size))
+        return bool(np.any(np.abs(weights[~rigid]) > SUPPORTED_MOMENTUM_SHARE * size))
 
 
 def stacked_first_order(bodies: Iterable[SceneBody]) -> StackedModes | None:
@@ -665,7 +672,7 @@ def stacked_first_order(bodies: Iterable[SceneBody]) -> StackedModes | None:
 def scene_body(name: str, body: object, motion: Motion | ModalState | float | None) -> SceneBody:
     """The body of a scene with its initial motion; InputError for an impossible motion."""
     if isinstance(body, RigidBody):
-        body_in_scene = _rigid_body(name, body)
+        body_in_scene = _scene_body_of_rigid(name, body)
     elif isinstance(body, SiteModes) or (isinstance(body, AntiOscillators) and body.sites):
         modes = body if isinstance(body, SiteModes) else body.site_modes()
         at_rest = np.zeros(modes.omega.size)
@@ -673,7 +680,7 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
             name, body, modes, at_rest, local_compliance=modes.local_compliance
         )
     else:
-        body_in_scene = _modal_body(name, body)
+        body_in_scene = _scene_body_of_modal(name, body)
 
     if motion is not None:
         if isinstance(body, Obstacle):
@@ -701,7 +708,7 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
     return body_in_scene
 
 
-def _modal_body(name: str, body: object) -> SceneBody:
+def _scene_body_of_modal(name: str, body: object) -> SceneBody:
     """A body with a modal form as a body of a scene."""
     linear_body = checked_body(f"body {name!r}", body)
     modes = linear_body.modal()
@@ -729,7 +736,7 @@ def single_site_body(
     )
 
 
-def _rigid_body(name: str, body: RigidBody) -> SceneBody:
+def _scene_body_of_rigid(name: str, body: RigidBody) -> SceneBody:
     """A rigid body as a body of a scene."""
     moments, axes = np.linalg.eigh(body.inertia)
     columns: list[Array] = []

@@ -36,20 +36,20 @@ from antiosc.models.modal import Damping
 from antiosc.models.recurrence import ReferenceModes
 
 #: Width of the bounds over the largest force from which the model predicts nothing.
-UNPREDICTED = 0.2
+UNPREDICTED_WIDTH = 0.2
 #: Share of the largest force by which rounding may move a bound.
-ROUNDING = 1e-8
+FORCE_ROUNDING = 1e-8
 #: Pieces of time in a contact, at least.
-LEAST_PIECES = 100
+MIN_TIME_PIECES = 100
 #: Times, over that of the run, at which the largest difference of indentations is known.
 SPAN_RATIOS = 2.0 ** np.arange(-16, 0.25, 0.25)
 #: Error of k0 and of the mass that tells a recurrence of another structure.
-MATCH_TOL = 1e-6
+RECURRENCE_TOL = 1e-6
 #: Share of a modal amplitude that is rounding.
-VANISHING = 1e-9
-UNDAMPED = Damping()
+AMPLITUDE_ROUNDING = 1e-9
+NO_DAMPING = Damping()
 #: Largest elastic share whose loading curve has a curvature that falls.
-MOST_ELASTIC_SHARE = 0.6
+MAX_ELASTIC_SHARE = 0.6
 PROVED_LAWS = (library.LINEAR, library.HERTZ, library.POWER, library.ELASTIC_PLASTIC)
 #: Laws that are Hertz's until they yield: stiffness and yield indentation come first.
 YIELDING_LAWS = (library.THORNTON, library.YANG_SUN)
@@ -90,7 +90,7 @@ class Enclosure(FieldsRepr):
         return sentence
 
 
-class _Body(NamedTuple):
+class _ReferenceBody(NamedTuple):
     """A body in its reference modes: frequencies, decay, columns of the contacts, load, start.
 
     lag : of modes that follow their force, 0 of the others. modes : None of a rigid body.
@@ -104,7 +104,7 @@ class _Body(NamedTuple):
     load: Array
     v: Array
     modes: ReferenceModes | None = None
-    damping: Damping = UNDAMPED
+    damping: Damping = NO_DAMPING
     compliance: Array | None = None
 
 
@@ -117,7 +117,7 @@ def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosur
     bodies = assembly.bodies.values()
     sizes = side_by_side([body.omega.size for body in bodies])
     laws = [_proof_law(law) for law in assembly.laws]
-    most = [_most_vectors(body) for body in bodies]
+    most = [_max_vectors(body) for body in bodies]
 
     longest = max(most)
     counts = [n for n in VECTOR_COUNTS if n < longest] if tol else []
@@ -126,13 +126,13 @@ def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosur
     fastest = FOLLOWING_PHASE / assembly.contact_time_estimate
     for count in [*counts, longest]:
         parts = [
-            _reference(assembly, body, span, min(count, n), fastest)
+            _reference_body(assembly, body, span, min(count, n), fastest)
             for body, span, n in zip(bodies, sizes, most, strict=True)
         ]
-        found = _enclosed(assembly, run, parts, [law for law, _ in laws], count)
-        if not best or width_of_peaks(found) < width_of_peaks(best):
+        found = _enclosures_of_run(assembly, run, parts, [law for law, _ in laws], count)
+        if not best or max_peak_width(found) < max_peak_width(best):
             best = found
-        if width_of_peaks(best) <= tol:
+        if max_peak_width(best) <= tol:
             break
 
     for one, (law, limit) in zip(best, laws, strict=True):
@@ -148,18 +148,18 @@ def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosur
 #: Phase in a contact beyond which a mode of the reference follows its force (25 and 100 made the
 #: bounds of five parts wider), and the decay of such a mode over its frequency.
 FOLLOWING_PHASE = 50.0
-BRAKED_RATIO = 1.3
+FOLLOWING_DECAY_RATIO = 1.3
 #: Numbers of vectors that are tried up to a tolerance.
 VECTOR_COUNTS = (4, 6, 8, 11, 15, 20, 27, 36, 48, 64, 85, 113, 150, 200, 266)
 
 
-def width_of_peaks(found: Sequence[Enclosure]) -> float:
+def max_peak_width(found: Sequence[Enclosure]) -> float:
     """Largest width of the bounds on a peak force, relative to the largest force."""
     peak = max(one.peak[0] for one in found)
     return max(one.peak[1] - one.peak[0] for one in found) / max(peak, 1e-300)
 
 
-def _refused(assumption: str) -> InputError:
+def _refusal_of(assumption: str) -> InputError:
     """The error for a run outside the assumptions of the proof."""
     return InputError(f"the proof assumes {assumption}")
 
@@ -168,79 +168,81 @@ def _check_run(assembly: Assembly, run: Run) -> None:
     """InputError for a run whose bodies, loads or contacts are outside the assumptions."""
     system = assembly.system
     if assembly.stretches:
-        raise _refused("linear bodies, and one of these stretches: extract it without stretch.")
+        raise _refusal_of("linear bodies, and one of these stretches: extract it without stretch.")
     if system.first is not None:
-        raise _refused(
+        raise _refusal_of(
             "one damping ratio of all modes or Rayleigh's damping, and one of these bodies has"
             " dampers or materials with losses."
         )
     if system.breaks.size > 1:
-        raise _refused("loads that do not change, and this scene has some that do.")
+        raise _refusal_of("loads that do not change, and this scene has some that do.")
     if len(system.R) > len(assembly.laws):
-        raise _refused("contacts without friction, and this scene has some with it.")
+        raise _refusal_of("contacts without friction, and this scene has some with it.")
     if system.closed.any() or system.q.any() or run.force[0].any():
-        raise _refused("contacts that are open at the start, and bodies without deformation.")
+        raise _refusal_of("contacts that are open at the start, and bodies without deformation.")
     halves = np.diff(run.time)
     rounding = 4 * np.spacing(run.time[-1])
     even = halves.size % 2 == 0 and np.allclose(halves[::2], halves[1::2], 1e-6, rounding)
     if halves.size < 2 or not even:
-        raise _refused('steps with a force in their middle: take the method "exact".')
+        raise _refusal_of('steps with a force in their middle: take the method "exact".')
     jumps = np.abs(np.diff(run.force, axis=0)).max(axis=1)[halves == 0]
-    if jumps.max(initial=0.0) > ROUNDING * run.force.max():
-        raise _refused("forces without jumps, and one of this run jumps.")
+    if jumps.max(initial=0.0) > FORCE_ROUNDING * run.force.max():
+        raise _refusal_of("forces without jumps, and one of this run jumps.")
 
 
 def _proof_law(law: ContactLaw) -> tuple[ContactLaw, float]:
     """(law by which the proof replaces a contact law, force [N] up to which they agree)."""
     kernel = packed(law)[0]
-    if getattr(law, "elastic_share", 0.0) > MOST_ELASTIC_SHARE:
-        raise _refused(
-            f"a side that stays elastic with at most {MOST_ELASTIC_SHARE} of the flexibility."
+    if getattr(law, "elastic_share", 0.0) > MAX_ELASTIC_SHARE:
+        raise _refusal_of(
+            f"a side that stays elastic with at most {MAX_ELASTIC_SHARE} of the flexibility."
         )
     if kernel.kind in PROVED_LAWS:
         return law, np.inf
     if kernel.kind in YIELDING_LAWS:
         k, limit = cast(kernel.params, POINTER(c_double))[:2]
         return Hertz(k, law.compliance), k * limit**1.5
-    raise _refused(
+    raise _refusal_of(
         f"a convex law without damping (Hertz, Linear, Power, ElasticPlastic), and"
         f" {type(law).__name__} is none."
     )
 
 
-def _most_vectors(body: SceneBody) -> int:
+def _max_vectors(body: SceneBody) -> int:
     """Largest number of Krylov vectors of a body, 0 for a rigid one; InputError without any."""
     model = body.body
     inner = getattr(model, "body", model)  # of an `Impactor`
     if isinstance(inner, AntiOscillators):
         known = inner.recurrence
         if known is None:
-            raise _refused(
+            raise _refusal_of(
                 f"a model whose residual is known, and that of {body.name!r} is not: extract it"
                 " with proof=True, by Krylov's method and a direct solver (matrices that are too"
                 " ill-conditioned have none)."
             )
         pairs = (inner.k0, known.k0), (inner.m_st, known.mass)
-        if any(np.abs(a - b).max() > MATCH_TOL * np.abs(b).max() for a, b in pairs):
-            raise _refused(
+        if any(np.abs(a - b).max() > RECURRENCE_TOL * np.abs(b).max() for a, b in pairs):
+            raise _refusal_of(
                 f"the stiffness and mass of the extraction, and those of {body.name!r} were"
                 " changed afterwards: extract it anew."
             )
         if isinstance(inner.damping, Damping) and np.ndim(inner.damping.ratio):
-            raise _refused(
+            raise _refusal_of(
                 "one damping ratio of all modes or Rayleigh's damping, and the ratios of"
                 f" {body.name!r} are those of single modes of the model."
             )
         return known.n
     if isinstance(inner, RigidMass | Sphere | Obstacle | RigidBody) and not body.omega.any():
         return 0
-    raise _refused(
+    raise _refusal_of(
         f"rigid bodies and models that extract made with proof=True, and {body.name!r} is a"
         f" {type(inner).__name__}."
     )
 
 
-def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int, fastest: float) -> _Body:
+def _reference_body(
+    assembly: Assembly, body: SceneBody, span: slice, n: int, fastest: float
+) -> _ReferenceBody:
     """A body of the run in its reference modes by `n` Krylov vectors; rigid bodies as they are.
 
     span : its modes in the run; fastest : frequency [rad/s] above which modes follow their force.
@@ -249,18 +251,20 @@ def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int, fastest
     beta, v, load = system.beta[:, span], system.v[span], system.loads[0, span]
     inner = getattr(body.body, "body", body.body)
     if not isinstance(inner, AntiOscillators):
-        return _Body(body.omega, 0 * body.omega, 0 * body.omega, beta, load, v)
+        return _ReferenceBody(body.omega, 0 * body.omega, 0 * body.omega, beta, load, v)
 
     assert inner.recurrence is not None
     B = body.B
     if B.shape[1] != len(inner.recurrence.k0):
-        raise _refused(f"sites that move independently, and those of {body.name!r} do not.")
+        raise _refusal_of(f"sites that move independently, and those of {body.name!r} do not.")
     elastic = body.omega > 0
     for name, values in (("start without vibration", v), ("bear no loads", load)):
-        if np.abs(values[elastic]).max(initial=0.0) > VANISHING * np.abs(values).max(initial=0.0):
-            raise _refused(f"bodies that {name}, and {body.name!r} does not.")
+        if np.abs(values[elastic]).max(initial=0.0) > AMPLITUDE_ROUNDING * np.abs(values).max(
+            initial=0.0
+        ):
+            raise _refusal_of(f"bodies that {name}, and {body.name!r} does not.")
     modes = inner.recurrence.modes(n)
-    damping = inner.damping if isinstance(inner.damping, Damping) else UNDAMPED
+    damping = inner.damping if isinstance(inner.damping, Damping) else NO_DAMPING
     scale = np.linalg.lstsq(B, beta.T, rcond=None)[0].T  # of the contacts in the sites
 
     rigid = modes.omega == 0
@@ -273,9 +277,11 @@ def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int, fastest
         return moved
 
     decay = damping.decay(modes.omega)
-    held = np.where(modes.omega > fastest, np.maximum(BRAKED_RATIO * modes.omega, decay), decay)
+    held = np.where(
+        modes.omega > fastest, np.maximum(FOLLOWING_DECAY_RATIO * modes.omega, decay), decay
+    )
     supported = None if rigid.any() else np.linalg.solve(inner.recurrence.k0, scale.T)
-    return _Body(
+    return _ReferenceBody(
         modes.omega,
         held,
         2 * (held - decay) / np.where(rigid, 1.0, modes.omega) ** 2,
@@ -288,7 +294,7 @@ def _reference(assembly: Assembly, body: SceneBody, span: slice, n: int, fastest
     )
 
 
-def _kappa(bodies: Sequence[_Body], spans: Array) -> Array:
+def _difference_factors(bodies: Sequence[_ReferenceBody], spans: Array) -> Array:
     """Factors kappa (m, n_spans) of |D| <= kappa √(2E), for motions that last the spans [s]."""
     x = 1 / np.append(spans, spans[-1] * 4.0 ** np.arange(1, 10)) ** 2
     H = np.zeros((len(bodies[0].beta), x.size))
@@ -304,7 +310,7 @@ def _kappa(bodies: Sequence[_Body], spans: Array) -> Array:
     return np.sqrt(squares.min(axis=2))
 
 
-def _channels(bodies: Sequence[_Body]) -> tuple[Array, Array, Array]:
+def _residual_channels(bodies: Sequence[_ReferenceBody]) -> tuple[Array, Array, Array]:
     """Coefficients of the residuals in the J modes of all bodies (`csrc/enclosure.c`).
 
     Returns those that drive the error (k, 5, J), those of damping (l, 5, J), and
@@ -335,8 +341,12 @@ def _channels(bodies: Sequence[_Body]) -> tuple[Array, Array, Array]:
     return channels[:drives], channels[drives:], brake
 
 
-def _enclosed(
-    assembly: Assembly, run: Run, bodies: Sequence[_Body], laws: Sequence[ContactLaw], n: int
+def _enclosures_of_run(
+    assembly: Assembly,
+    run: Run,
+    bodies: Sequence[_ReferenceBody],
+    laws: Sequence[ContactLaw],
+    n: int,
 ) -> tuple[Enclosure, ...]:
     """The bounds on the forces of a run, from `n` Krylov vectors of its bodies.
 
@@ -348,10 +358,10 @@ def _enclosed(
         for name in ("omega", "decay", "lag", "load", "v")
     )
     beta = np.ascontiguousarray(np.hstack([body.beta for body in bodies]))
-    spans = float(run.time[-1]) * (1 + ROUNDING) * SPAN_RATIOS
-    kappa = np.ascontiguousarray(_kappa(bodies, spans))
+    spans = float(run.time[-1]) * (1 + FORCE_ROUNDING) * SPAN_RATIOS
+    kappa = np.ascontiguousarray(_difference_factors(bodies, spans))
 
-    rows, losses, brake = _channels(bodies)
+    rows, losses, brake = _residual_channels(bodies)
     kernels = (library.CLaw * m)(*[packed(law)[0] for law in laws])
     nodes = run.time.size
     lower = np.zeros((nodes, m))
@@ -373,7 +383,7 @@ def _enclosed(
         library.address(spans),
         library.address(kappa),
         addressof(kernels),
-        assembly.contact_time_estimate / LEAST_PIECES,
+        assembly.contact_time_estimate / MIN_TIME_PIECES,
         nodes,
         *map(library.address, [times, forces, *outputs]),
     )
@@ -383,13 +393,13 @@ def _enclosed(
         peak[:, 1] = impulse[:, 1] = np.inf
 
     largest = float(peak[:, 0].max(initial=0.0))
-    margin = ROUNDING * largest
+    margin = FORCE_ROUNDING * largest
     lower = np.maximum(lower - margin, 0.0)
     upper += margin
     width = upper - lower
     results = []
     for c in range(m):
-        wide = np.flatnonzero(width[:, c] > UNPREDICTED * largest)
+        wide = np.flatnonzero(width[:, c] > UNPREDICTED_WIDTH * largest)
         horizon = float(time[wide[0]]) if wide.size else float(time[-1])
         J, error = impulse[c]
         results.append(

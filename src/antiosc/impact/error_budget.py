@@ -11,7 +11,7 @@ The truncation error is that of `antiosc.impact.truncation`.
 
 "noise": the record of a measured model (`ModelInfo.measured`) contains other bodies that fit the
 measurement as well; some differ by the noise, some by the unknown modes above the band. The impact
-is repeated on each of them; the error is `SIGMAS` standard deviations of the results by each.
+is repeated on each of them; the error is `BAR_SIGMAS` standard deviations of the results by each.
 """
 
 from __future__ import annotations
@@ -30,24 +30,24 @@ from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, YangSun
 from antiosc.engine.contact.peak_error import error_of_law, unknown_error, weakest_and_strongest
 from antiosc.impact.histories import History, bars
-from antiosc.impact.histories.bars import DEFLECTION, QUANTITIES, UNITS, ErrorBar, ErrorBudget
+from antiosc.impact.histories.bars import BAR_UNITS, DEFLECTION, QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.impact.stretching import (
-    NEGLIGIBLE,
-    before_peak,
-    differences,
-    shares_of,
+    NEGLIGIBLE_SHARE,
+    energy_ratio_before_peak,
+    relative_differences,
     stretch_shares,
+    stretch_shares_of,
 )
-from antiosc.impact.truncation import WARN_SHARE, truncation_error
+from antiosc.impact.truncation import WARNING_SHARE, truncation_error
 from antiosc.models.anti_oscillators import AntiOscillators, is_reduced
 from antiosc.models.body import LinearBody, ModalModel, choice_of, coarse_at, wide_patch
 from antiosc.models.modal import ModalBody
 from antiosc.models.parameters import energy_error
 
-Shares = dict[str, float]
+RelativeErrors = dict[str, float]
 #: Simulates an impact on another model, or by another law, to a tolerance.
-Rerun = Callable[[LinearBody, float], History]
-ByLaw = Callable[[ContactLaw, float], History]
+RerunOnModel = Callable[[LinearBody, float], History]
+RerunByLaw = Callable[[ContactLaw, float], History]
 
 
 class RepeatedImpact:
@@ -56,7 +56,9 @@ class RepeatedImpact:
     raw : its history on `model` itself; runs : all histories so far.
     """
 
-    def __init__(self, model: AntiOscillators, rerun: Rerun, by_law: ByLaw, tol: float) -> None:
+    def __init__(
+        self, model: AntiOscillators, rerun: RerunOnModel, by_law: RerunByLaw, tol: float
+    ) -> None:
         self.model = model
         self.rerun = rerun
         self.by_law = by_law
@@ -78,20 +80,20 @@ class RepeatedImpact:
         """The history on a body, without a new run for the model itself."""
         return self.raw if body is self.model else self.on(body)
 
-    def change(self, body: LinearBody) -> Shares:
+    def change(self, body: LinearBody) -> RelativeErrors:
         """Relative changes of the quantities on another body."""
-        return bars.all_changes(self.raw, self.on(body))
+        return bars.relative_changes_with_site(self.raw, self.on(body))
 
 
 #: Error bar, in standard deviations over the bodies (measured).
-SIGMAS = 2.0
+BAR_SIGMAS = 2.0
 
 
-def measured_errors(impact: RepeatedImpact) -> Shares:
+def measurement_errors(impact: RepeatedImpact) -> RelativeErrors:
     """Relative errors of the quantities due to measured noise and the limited band, added."""
     facts = impact.model.info.measured
     if facts is None:
-        return bars.NO_ERROR
+        return bars.ZERO_ERRORS
 
     bodies = zip(*(np.asarray(facts[name]) for name in ("omega", "b", "r", "decay")), strict=True)
     changes = [
@@ -99,11 +101,13 @@ def measured_errors(impact: RepeatedImpact) -> Shares:
         for omega, b, r, decay in bodies
     ]
     draws = int(facts["draws"])
-    total = dict(bars.NO_ERROR)
+    total = dict(bars.ZERO_ERRORS)
 
     for part in (changes[:draws], changes[draws:]):
         for name in total:
-            total[name] += SIGMAS * float(np.sqrt(np.mean([change[name] ** 2 for change in part])))
+            total[name] += BAR_SIGMAS * float(
+                np.sqrt(np.mean([change[name] ** 2 for change in part]))
+            )
 
     return bars.with_floor(total)
 
@@ -111,37 +115,37 @@ def measured_errors(impact: RepeatedImpact) -> Shares:
 #: Factor of safety of the mesh error.
 SAFETY = 2.0
 #: The factor for a coarse mesh.
-SAFETY_COARSE = 3.0
+COARSE_SAFETY = 3.0
 #: A mesh is coarse if the strain errors exceed this share of the energy,
-COARSE = 0.1
+COARSE_STRAIN_ERROR = 0.1
 #: or the faces under the patch exceed this times its radius (the factor then grows in proportion).
-RESOLVED = 1.2
+RESOLVED_FACE_RATIO = 1.2
 #: Both factors of shells of triangles over the usual ones (measured).
-TRIANGLES = 1.5
+TRIANGLE_FACTOR = 1.5
 #: Factor of safety for a site inside a beam element, which does not resolve the kink there.
-SAFETY_INSIDE = 5.0
+INSIDE_ELEMENT_SAFETY = 5.0
 #: Time integration error of the compared runs over that of the history.
-TOL_RATIO = 0.1
+COMPARED_TOL_RATIO = 0.1
 #: Least time integration error of the compared runs.
-LEAST_TOL = 1e-6
+MIN_COMPARED_TOL = 1e-6
 #: Largest time integration error of the compared runs.
-MOST_TOL = 1e-4
+MAX_COMPARED_TOL = 1e-4
 #: Factor on the energy of second-order strain in the bars of a solid that is taken as linear, and
 #: the least share: 30 random blows changed by up to twice the energy, and by 0.2 % where it was
 #: nearly 0 (measured).
-LEFT_OUT_SAFETY, LEFT_OUT_LEAST = 2.5, 5e-3
+OMITTED_SAFETY, OMITTED_MIN_ERROR = 2.5, 5e-3
 #: Instants of the contact at which the amplitudes of the shapes are taken.
-INSTANTS = 200
+AMPLITUDE_TIMES = 200
 #: Notes if a second radius gives no estimate. What to do at an edge is in the warning of its site.
-NO_PATCH = "Not included: the radius of the patch."
+NO_PATCH_NOTE = "Not included: the radius of the patch."
 #: Of a patch that an edge cuts, where the cells resolve no whole one.
-CUT_PATCH = (
+CUT_PATCH_NOTE = (
     "An edge cuts the patch, and its faces resolve no smaller one that is whole: the share of the"
     " patch is that of all of its half-space's compliance."
 )
 
 
-def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
+def error_budget(hit: History, rerun: RerunOnModel, by_law: RerunByLaw) -> ErrorBudget:
     """The error bars of a run, by repeats on other models (`rerun`) and laws (`by_law`)."""
     model = hit.model
     if not isinstance(model, AntiOscillators):
@@ -159,11 +163,16 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         no_mesh = capitalised(hopeless.replace("'structure'", "the part"))
         return ErrorBudget(bars_without, 0.0, unknown={"mesh": no_mesh})
 
-    tol = min(max(TOL_RATIO * max(_time_errors(hit), default=MOST_TOL), LEAST_TOL), MOST_TOL)
+    tol = min(
+        max(
+            COMPARED_TOL_RATIO * max(_time_errors(hit), default=MAX_COMPARED_TOL), MIN_COMPARED_TOL
+        ),
+        MAX_COMPARED_TOL,
+    )
     if stretches:
         model = replace(model, stretch=None)
     impact = RepeatedImpact(model, rerun, by_law, tol)
-    of_mesh = _mesh_errors(impact, WITHOUT_STRETCHING if hit.assembly.stretched else "")
+    of_mesh = _mesh_errors(impact, WITHOUT_STRETCHING_WORDS if hit.assembly.stretched else "")
     patch, patch_notes = _patch_errors(impact)
     law, law_reason = law_error(impact)
     finer = None if hit.assembly.stretched else impact.raw  # that is linear
@@ -172,26 +181,26 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         "truncation": {**of_mesh.truncation, **_proved_errors(hit)},
         "time": _step_errors(hit, finer, tol),
         "patch": patch,
-        "noise": measured_errors(impact),
+        "noise": measurement_errors(impact),
         "stretch": _stretch_errors(hit, stretching_model, impact),
     }
 
-    unknown = _unknown_mesh(hit, model, stretches, of_mesh, CUT_PATCH in patch_notes)
+    unknown = _unknown_mesh(hit, model, stretches, of_mesh, CUT_PATCH_NOTE in patch_notes)
     without_mesh = "mesh" in unknown
-    if NO_PATCH in patch_notes:
-        unknown["patch"] = NO_PATCH
+    if NO_PATCH_NOTE in patch_notes:
+        unknown["patch"] = NO_PATCH_NOTE
     if law_reason:
         unknown["law"] = law_reason
-    if not all(bars.comparable(impact.raw, run) for run in impact.runs):
-        unknown["contact_time"] = bars.NO_BAR
+    if not all(bars.are_comparable(impact.raw, run) for run in impact.runs):
+        unknown["contact_time"] = bars.UNCERTAIN_CONTACTS_TEXT
 
     def bar(name: str, value: float) -> ErrorBar:
         causes = {cause: share_of[name] for cause, share_of in shares.items()}
         known_law = None if law is None else law[name]
         return ErrorBar(value, **causes, law=known_law, without_mesh=without_mesh)
 
-    linear = LINEAR_BARS if stretches and model.strain_error is not None else ""
-    third = THIRD_ORDER if hit.assembly.stretched else ""
+    linear = LINEAR_BARS_NOTE if stretches and model.strain_error is not None else ""
+    third = THIRD_ORDER_NOTE if hit.assembly.stretched else ""
     further = filter(None, [linear, third])
     found = {name: bar(name, getattr(hit, name)) for name in QUANTITIES}
     if hit.site_motion is not None:
@@ -207,7 +216,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     )
 
 
-def _proved_errors(hit: History) -> Shares:
+def _proved_errors(hit: History) -> RelativeErrors:
     """Proved relative errors of the peak force and the impulse by what the model leaves out."""
     found = {}
     for one in hit.enclosures[:1]:
@@ -227,12 +236,12 @@ def _unknown_mesh(
     """
     reason = model.info.no_estimate
     if reason and model.strain_error is None and not stretches:
-        return {"mesh": f"{WITHOUT_MESH}{reason}"}
+        return {"mesh": f"{UNKNOWN_MESH_NOTE}{reason}"}
     if model.strain_error is not None or model.info.measured is not None:
-        unresolved = _unresolved(hit, model, is_cut)
+        unresolved = _unresolved_text(hit, model, is_cut)
         return {"mesh": unresolved} if unresolved else {}
 
-    remedy = f"{COMPARED_WITH} ({reason.rstrip('.')})" if reason else ESTIMATED_WITH
+    remedy = f"{COMPARISON_REMEDY} ({reason.rstrip('.')})" if reason else ESTIMATE_REMEDY
     if of_mesh.truncation["peak_force"] > 0:  # too few anti-oscillators
         return {"mesh": f"The mesh's error is not known: {remedy}."}
 
@@ -256,80 +265,87 @@ def restitution_of(hit: History) -> float | None:
 
 
 #: Note for a law given by the caller.
-GIVEN_LAW = "The contact's law was given: its error is not in these bars."
+GIVEN_LAW_NOTE = "The contact's law was given: its error is not in these bars."
 
 
-def law_error(impact: RepeatedImpact) -> tuple[Shares | None, str]:
+def law_error(impact: RepeatedImpact) -> tuple[RelativeErrors | None, str]:
     """(relative errors by the contact law or None, why they are not in the bars or "")."""
     hit = impact.raw
     choice = choice_of(hit.law, hit.model, hit.impactor)
     if choice is None:
-        return bars.NO_ERROR, GIVEN_LAW
+        return bars.ZERO_ERRORS, GIVEN_LAW_NOTE
     if reason := unknown_error(choice, hit.peak_force):
         return None, f"The error of the contact's law is not known: {reason}."
 
     start, end = hit.contacts[0]
     laws = weakest_and_strongest(choice, hit.peak_force, end - start)
-    changes = [bars.NO_ERROR, *(bars.all_changes(hit, impact.by(law)) for law in laws)]
+    changes = [
+        bars.ZERO_ERRORS,
+        *(bars.relative_changes_with_site(hit, impact.by(law)) for law in laws),
+    ]
     share = error_of_law(choice, hit.peak_force)
 
-    return {name: share + max(change[name] for change in changes) for name in UNITS}, ""
+    return {name: share + max(change[name] for change in changes) for name in BAR_UNITS}, ""
 
 
-THIRD_ORDER = "Not included: strain beyond third order, which an explicit FE program has."
-LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
+THIRD_ORDER_NOTE = "Not included: strain beyond third order, which an explicit FE program has."
+LINEAR_BARS_NOTE = (
+    "The part stretches: its bars but time and stretch are those of its linear motion."
+)
 #: Start of the note on parts whose mesh's error has no estimator, as those with joints.
-WITHOUT_MESH = "The mesh's error, and that of beams or shells in place of solids, is not known: "
+UNKNOWN_MESH_NOTE = (
+    "The mesh's error, and that of beams or shells in place of solids, is not known: "
+)
 #: The same where cells or patch are too large for the wave that the contact sends out, or where an
 #: edge cuts the patch on a part thinner than its radius, which bends under it.
-UNRESOLVED = (
+UNRESOLVED_NOTE = (
     "The mesh's error is not known: {} at the site measures {}, too much for this contact; take"
     f" cells of at most {{}} there ({CELL_ARGUMENTS})."
 )
 #: The laws of contacts at a point, whose patch is that of no flat face.
-AT_POINT = (Hertz, Gonthier, ElasticPlastic, YangSun)
+POINT_CONTACT_LAWS = (Hertz, Gonthier, ElasticPlastic, YangSun)
 #: What estimates what no estimate was asked for.
-ESTIMATED_WITH = "extract the model from its mesh with the error 'estimate'"
-COMPARED_WITH = "compare two sizes of the cells, and two numbers of anti-oscillators"
+ESTIMATE_REMEDY = "extract the model from its mesh with the error 'estimate'"
+COMPARISON_REMEDY = "compare two sizes of the cells, and two numbers of anti-oscillators"
 
 
-def _stretch_errors(hit: History, model: AntiOscillators, impact: RepeatedImpact) -> Shares:
+def _stretch_errors(hit: History, model: AntiOscillators, impact: RepeatedImpact) -> RelativeErrors:
     """Relative errors by second-order modes that are left out, from runs with two more of them."""
     if model.stretch is None:
         energy = hit.assembly.stretch_left_out
-        return dict.fromkeys(UNITS, energy and max(LEFT_OUT_SAFETY * energy, LEFT_OUT_LEAST))
+        return dict.fromkeys(BAR_UNITS, energy and max(OMITTED_SAFETY * energy, OMITTED_MIN_ERROR))
 
     stretch = hit.assembly.stretched.get("structure")
     if stretch is None:
-        return dict.fromkeys(UNITS, NEGLIGIBLE)
+        return dict.fromkeys(BAR_UNITS, NEGLIGIBLE_SHARE)
     if model.stretch.count == "auto":
-        return shares_of(hit)
+        return stretch_shares_of(hit)
     if stretch.size == model.stretch.size:
-        stretch_errors = dict.fromkeys(UNITS, 0.0)
+        stretch_errors = dict.fromkeys(BAR_UNITS, 0.0)
     else:
         count = min(stretch.size + 2, model.stretch.size)
         more = replace(model, stretch=replace(model.stretch, count=count))
-        stretch_errors = differences(hit, impact.on(more))
+        stretch_errors = relative_differences(hit, impact.on(more))
 
-    return stretch_shares(stretch_errors, before_peak(hit))
+    return stretch_shares(stretch_errors, energy_ratio_before_peak(hit))
 
 
-#: Note where the truncation may change the force by more than `WARN_SHARE`.
-TOO_FEW = (
+#: Note where the truncation may change the force by more than `WARNING_SHARE`.
+TOO_FEW_NOTE = (
     "The {} anti-oscillators are too few for this contact: the bar of the truncation is a rough"
     " one."
 )
 
 
 #: Of the runs by which the error of the mesh of a part that stretches is estimated.
-WITHOUT_STRETCHING = " (of runs without its stretching)"
+WITHOUT_STRETCHING_WORDS = " (of runs without its stretching)"
 
 
 class MeshErrors(NamedTuple):
     """Errors due to the mesh and to truncation; zero without a mesh."""
 
-    mesh: Shares = bars.NO_ERROR
-    truncation: Shares = bars.NO_ERROR
+    mesh: RelativeErrors = bars.ZERO_ERRORS
+    truncation: RelativeErrors = bars.ZERO_ERRORS
     share: float = 0.0  # strain error over strain energy
     safety: float = SAFETY  # the factor in the errors due to the mesh
     doubts: Sequence[str] = ()  # notes
@@ -347,22 +363,22 @@ def _mesh_errors(impact: RepeatedImpact, unstretched: str) -> MeshErrors:
         return MeshErrors()
 
     truncated = truncation_error(model, impact.known, tol=impact.tol)
-    truncation = {name: getattr(truncated, name) for name in UNITS}
-    too_few = [TOO_FEW.format(model.n)] if truncated.peak_force > WARN_SHARE else []
+    truncation = {name: getattr(truncated, name) for name in BAR_UNITS}
+    too_few = [TOO_FEW_NOTE.format(model.n)] if truncated.peak_force > WARNING_SHARE else []
     if model.strain_error is None:
         return MeshErrors(truncation=truncation, doubts=too_few)
 
     softer = impact.on(model.corrected())
-    share = energy_error(model, model.strain_error, amplitudes(raw))
+    share = energy_error(model, model.strain_error, amplitude_products(raw))
     safety, doubts = _safety_factor(model, share)
-    changes = bars.all_changes(raw, softer)
+    changes = bars.relative_changes_with_site(raw, softer)
     if model.strain_misfit is not None:
         unstiffened = impact.change(replace(model, strain_misfit=None).corrected())
         changes = {name: max(change, changes[name]) for name, change in unstiffened.items()}
     mesh = bars.with_floor({name: safety * change for name, change in changes.items()})
 
     doubts += too_few
-    if not bars.comparable(raw, softer):
+    if not bars.are_comparable(raw, softer):
         here, corrected = map(bars.contacts_of_main, (raw, softer))
         doubts.insert(
             0,
@@ -381,25 +397,26 @@ def _safety_factor(model: AntiOscillators, share: float) -> tuple[float, list[st
     """
     safety = SAFETY
     doubts = []
-    if share > COARSE:
-        safety = SAFETY_COARSE
+    if share > COARSE_STRAIN_ERROR:
+        safety = COARSE_SAFETY
         doubts.append(
             f"The errors of the strains hold {percent(share)} of the energy: the mesh is coarse, "
             "and its bar is less certain."
         )
     faces = float(model.info.get("patch", {}).get("faces", 0.0))
-    coarse = faces / (RESOLVED * model.radius) if model.radius is not None else 0.0
-    safety = max(safety, SAFETY_COARSE * coarse)
+    coarse = faces / (RESOLVED_FACE_RATIO * model.radius) if model.radius is not None else 0.0
+    safety = max(safety, COARSE_SAFETY * coarse)
     if coarse > 1:
         doubts.append(
-            f"The faces at the site measure {engineering(faces, 'm', 2)}, more than {RESOLVED:g}"
-            f" times its radius {engineering(model.radius, 'm', 2)}: the patch is not resolved, and"
+            f"The faces at the site measure {engineering(faces, 'm', 2)}, more than"
+            f" {RESOLVED_FACE_RATIO:g} times its radius {engineering(model.radius, 'm', 2)}: the"
+            " patch is not resolved, and"
             " the mesh's bar is less certain."
         )
     if model.info.get("divided") == "triangle":
-        safety *= TRIANGLES
+        safety *= TRIANGLE_FACTOR
     if model.info.get("inside_element"):
-        safety = max(safety, SAFETY_INSIDE)
+        safety = max(safety, INSIDE_ELEMENT_SAFETY)
         doubts.append(
             "The site lies inside an element of a beam: the mesh's bar is wider; put a node there."
         )
@@ -409,16 +426,16 @@ def _safety_factor(model: AntiOscillators, share: float) -> tuple[float, list[st
     return safety, doubts
 
 
-def amplitudes(hit: History) -> Array:
+def amplitude_products(hit: History) -> Array:
     """Integral of a aᵀ over the contacts, (N + 1, N + 1), a the amplitudes of psi_0 ... psi_N."""
     size = hit.model.n + 1
     total = np.zeros((size, size))
 
     for start, end in hit.contacts:
-        times = start + (np.arange(INSTANTS) + 0.5) / INSTANTS * (end - start)
+        times = start + (np.arange(AMPLITUDE_TIMES) + 0.5) / AMPLITUDE_TIMES * (end - start)
         a = hit.coordinates(times)[:, :size]
         a = np.column_stack([a[:, 0], a[:, 1:] - a[:, :1]])
-        total += a.T @ a * (end - start) / INSTANTS
+        total += a.T @ a * (end - start) / AMPLITUDE_TIMES
 
     return total
 
@@ -435,11 +452,11 @@ def _step_errors(hit: History, finer: History | None, tol: float) -> dict[str, f
     """
     error = max(_time_errors(hit), default=0.0)
     estimated = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
-    change = bars.NO_ERROR if finer is None else bars.all_changes(hit, finer)
-    return {name: max(change[name] + tol, estimated.get(name, error)) for name in UNITS}
+    change = bars.ZERO_ERRORS if finer is None else bars.relative_changes_with_site(hit, finer)
+    return {name: max(change[name] + tol, estimated.get(name, error)) for name in BAR_UNITS}
 
 
-def _patch_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
+def _patch_errors(impact: RepeatedImpact) -> tuple[RelativeErrors, list[str]]:
     """Errors due to the radius of the patch, and a note.
 
     The error is the change of the impact if the contact gets the compliance by which a second
@@ -448,33 +465,33 @@ def _patch_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     model = impact.model
     second_patch = model.info.get("patch")
     if model.radius is None:
-        return bars.NO_ERROR, []
+        return bars.ZERO_ERRORS, []
 
     notes = list[str]()
     if second_patch is not None and "compliance" in second_patch:
         change = abs(float(second_patch["compliance"]))
     elif second_patch is not None and second_patch.get("cut") and model.local_compliance:
         change = model.local_compliance
-        notes = [CUT_PATCH]
+        notes = [CUT_PATCH_NOTE]
     else:
-        return bars.NO_ERROR, [NO_PATCH]
+        return bars.ZERO_ERRORS, [NO_PATCH_NOTE]
     subtracted = min(change, model.local_compliance)
     local = model.local_compliance - subtracted
     relative_change = impact.change(
         replace(model, strain_error=None, strain_misfit=None, local_compliance=local)
     )
     if change and not any(relative_change.values()):  # the law does not contain the half-space
-        return bars.NO_ERROR, [NO_PATCH]
+        return bars.ZERO_ERRORS, [NO_PATCH_NOTE]
 
     larger = change / subtracted if subtracted else 1.0
 
     return {name: larger * value for name, value in relative_change.items()}, notes
 
 
-def _unresolved(hit: History, model: AntiOscillators, is_cut: bool) -> str:
+def _unresolved_text(hit: History, model: AntiOscillators, is_cut: bool) -> str:
     """Why the cells or the patch do not resolve a contact; "" where they do."""
     contact_time = hit.assembly.contact_time_estimate
-    at_point = isinstance(hit.law, AT_POINT)
+    at_point = isinstance(hit.law, POINT_CONTACT_LAWS)
     radius, thickness = model.radius, model.info.thickness
 
     if cell := coarse_at(model, "", contact_time):
@@ -486,4 +503,4 @@ def _unresolved(hit: History, model: AntiOscillators, is_cut: bool) -> str:
     else:
         return ""
 
-    return UNRESOLVED.format(what, *(engineering(one, "m") for one in sizes))
+    return UNRESOLVED_NOTE.format(what, *(engineering(one, "m") for one in sizes))

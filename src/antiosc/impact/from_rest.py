@@ -15,17 +15,17 @@ from antiosc.models.body import LinearBody
 #: Bodies processed together.
 BODIES_AT_ONCE = 200
 #: Times at which u is evaluated in addition to those of the force, at least, …
-SAMPLES = 200
+MIN_SAMPLES = 200
 #: … and at most, …
-MOST_SAMPLES = 20_000
+MAX_SAMPLES = 20_000
 #: … and in a period of the first mode, whose largest value they miss by at most 0.3 %.
 SAMPLES_PER_PERIOD = 40
 #: Times [s] and the force [N] at them, linear between them and zero outside.
-Force = tuple[Array, Array]
+ForceSeries = tuple[Array, Array]
 
 
 def peak_deflections(
-    bodies: Sequence[LinearBody], forces: Sequence[Force], duration: float | Array
+    bodies: Sequence[LinearBody], forces: Sequence[ForceSeries], duration: float | Array
 ) -> Array:
     """Largest displacement u (S,) [m] of each body's site along the impact, from rest.
 
@@ -39,13 +39,15 @@ def peak_deflections(
     with counting("largest deflections", len(bodies)) as ready:
         for first in range(0, len(bodies), BODIES_AT_ONCE):
             span = slice(first, first + BODIES_AT_ONCE)
-            peaks[span] = _peaks(bodies[span], forces[span], durations[span])
+            peaks[span] = _peak_deflections(bodies[span], forces[span], durations[span])
             ready(min(span.stop, len(bodies)))
 
     return peaks
 
 
-def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], durations: Array) -> Array:
+def _peak_deflections(
+    bodies: Sequence[LinearBody], forces: Sequence[ForceSeries], durations: Array
+) -> Array:
     modes = [body.modal() for body in bodies]
     omega = _padded_rows([body.omega for body in modes], 0.0)
     b = _padded_rows([body.b for body in modes], 0.0)
@@ -54,20 +56,20 @@ def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], durations: Arr
     residual = np.array([body.r for body in modes])
     first = max((row[row > 0].min() for row in omega if (row > 0).any()), default=0.0)
     periods = durations * first / (2 * np.pi)
-    samples = np.clip(SAMPLES_PER_PERIOD * periods, SAMPLES, MOST_SAMPLES).astype(int)
+    samples = np.clip(SAMPLES_PER_PERIOD * periods, MIN_SAMPLES, MAX_SAMPLES).astype(int)
     peak = np.zeros(len(modes))
-    for _, q, force in motions(omega, b, decay, forces, durations, samples):
+    for _, q, force in motions_from_rest(omega, b, decay, forces, durations, samples):
         u = np.sum(b * q, axis=1) + residual * force
         peak = np.maximum(peak, u)
 
     return peak
 
 
-def motions(
+def motions_from_rest(
     omega: Array,
     b: Array,
     decay: Array,
-    forces: Sequence[Force],
+    forces: Sequence[ForceSeries],
     durations: Array,
     samples: IntArray,
 ) -> Iterator[tuple[Array, Array, Array]]:

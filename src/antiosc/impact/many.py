@@ -18,9 +18,9 @@ from antiosc.base.texts import FieldsRepr, Result
 from antiosc.plot.charts import figure_or_path, panels
 
 #: Share of the samples within a confidence interval.
-CONFIDENCE = 0.95
+CONFIDENCE_LEVEL = 0.95
 #: Least distance of a share from 0 and 1: closer ones have no finite number of samples.
-LEAST_SHARE = 1e-12
+MIN_SHARE = 1e-12
 #: Shares of the results below the quantiles that are told, unless others are asked for.
 QUANTILES = (0.05, 0.5, 0.95)
 
@@ -42,7 +42,7 @@ class Quantile(FieldsRepr):
         return self.value
 
 
-def quantile(sample: ArrayLike, q: float, confidence: float = CONFIDENCE) -> Quantile:
+def quantile(sample: ArrayLike, q: float, confidence: float = CONFIDENCE_LEVEL) -> Quantile:
     """The quantile `q` of a sample, with its confidence interval between order statistics.
 
     The number of samples below the quantile is binomial, so that the interval holds for any
@@ -79,7 +79,7 @@ def quantile(sample: ArrayLike, q: float, confidence: float = CONFIDENCE) -> Qua
 def _checked_share(name: str, value: float) -> float:
     """The checked argument `name`: a share that differs from 0 and 1 by more than rounding."""
     share = checks.number(name, value)
-    if not LEAST_SHARE <= share <= 1 - LEAST_SHARE:
+    if not MIN_SHARE <= share <= 1 - MIN_SHARE:
         raise InputError(f"{name} must lie between 0 and 1; got {share:g}.")
     return share
 
@@ -177,7 +177,11 @@ class Many(Result):
         return int(np.nanargmax(self.largest(quantity)))
 
     def quantile(
-        self, quantity: str, q: float, confidence: float = CONFIDENCE, impact: int | None = None
+        self,
+        quantity: str,
+        q: float,
+        confidence: float = CONFIDENCE_LEVEL,
+        impact: int | None = None,
     ) -> Quantile:
         """The quantile `q` of a quantity with its confidence interval between order statistics; of
         falls, of the largest values or of one impact.
@@ -187,7 +191,9 @@ class Many(Result):
         results = self._with_failed(quantity, impact)
         return self._noted(quantity, len(results), quantile(results, q, confidence))
 
-    def exceedance(self, quantity: str, limit: float, confidence: float = CONFIDENCE) -> Quantile:
+    def exceedance(
+        self, quantity: str, limit: float, confidence: float = CONFIDENCE_LEVEL
+    ) -> Quantile:
         """The probability that a quantity exceeds `limit`, with its confidence interval; runs that
         failed exceed it.
         """

@@ -21,7 +21,7 @@ from antiosc.engine.march import Converged, Run, difference
 from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.settings import IVP_METHODS, MAX_STEPS, Settings
-from antiosc.impact.states import interpolated
+from antiosc.impact.states import linear_interpolation
 
 
 def integrate_reference(assembly: Assembly, duration: float, settings: Settings) -> Converged:
@@ -39,7 +39,9 @@ def integrate_reference(assembly: Assembly, duration: float, settings: Settings)
     return run(assembly, duration, settings)
 
 
-def _as_run(s: System, contacts: Contacts, nodes: Sequence[Array], answer: int, steps: int) -> Run:
+def _run_of_nodes(
+    s: System, contacts: Contacts, nodes: Sequence[Array], answer: int, steps: int
+) -> Run:
     """The `Run` of nodes (time, force, depth, states), with its events from `contacts`."""
     events = np.array(contacts.events, dtype=float).reshape(-1, 4)
     time, force, depth, states = nodes
@@ -48,14 +50,14 @@ def _as_run(s: System, contacts: Contacts, nodes: Sequence[Array], answer: int, 
 
 # -- fixed steps
 
-FIRST_STEPS = 24  # steps in the shortest contact that is expected, at first
-MOST_RUNS = 24
-SAFETY_STEP = 0.9  # of the leapfrog's limit of stability, h omega = 2
+INITIAL_STEPS_PER_CONTACT = 24  # steps in the shortest contact that is expected, at first
+MAX_RUNS = 24
+STABLE_STEP_SHARE = 0.9  # of the leapfrog's limit of stability, h omega = 2
 #: Motion at the end of a step without its forces, from that at its start, forces there, loads.
-Predict = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
+StepPredictor = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
 
 
-def newmark(s: System, h: float) -> tuple[Array, Array, Predict]:
+def newmark(s: System, h: float) -> tuple[Array, Array, StepPredictor]:
     """Newmark's method (average acceleration) with the step h [s].
 
     Returns what a unit force on each row takes from the modal displacements and velocities at the
@@ -73,7 +75,7 @@ def newmark(s: System, h: float) -> tuple[Array, Array, Predict]:
     return h / 2 * slower, slower, predict
 
 
-def leapfrog(s: System, h: float) -> tuple[Array, Array, Predict]:
+def leapfrog(s: System, h: float) -> tuple[Array, Array, StepPredictor]:
     """Central differences, as `newmark`: a force at the end of a step changes velocities alone."""
     x = s.omega**2
     scale = 1 + h * s.decay
@@ -86,17 +88,17 @@ def leapfrog(s: System, h: float) -> tuple[Array, Array, Predict]:
     return np.zeros_like(s.beta), h / 2 * s.beta / scale, predict
 
 
-FIXED_STEPS = {"newmark": newmark, "leapfrog": leapfrog}
+FIXED_STEP_METHODS = {"newmark": newmark, "leapfrog": leapfrog}
 
 
-def fixed_steps(s: System, step: float, duration: float, settings: Settings) -> Run:
+def run_in_fixed_steps(s: System, step: float, duration: float, settings: Settings) -> Run:
     """A run in equal steps of at most `step` [s]."""
     count = ceil(duration / step * (1 - 1e-12))
     h = duration / count
     times = np.linspace(0.0, duration, count + 1)
-    loads, gaps = (interpolated(times, s.breaks, values) for values in (s.loads, s.offsets))
+    loads, gaps = (linear_interpolation(times, s.breaks, values) for values in (s.loads, s.offsets))
 
-    less, slower, predict = FIXED_STEPS[settings.method](s, h)
+    less, slower, predict = FIXED_STEP_METHODS[settings.method](s, h)
     A = s.R + less @ s.beta.T
     A_rate = slower @ s.beta.T + s.R / h
 
@@ -127,7 +129,7 @@ def fixed_steps(s: System, step: float, duration: float, settings: Settings) -> 
     number = np.arange(2 * len(nodes) - 1)
     before, after = number // 2, (number + 1) // 2  # the middle of a step has the mean of its ends
     columns = [(x[before] + x[after]) / 2 for x in (times, forces, depths)]
-    return _as_run(s, contacts, (*columns, np.stack(states, axis=1)), status, len(nodes) - 1)
+    return _run_of_nodes(s, contacts, (*columns, np.stack(states, axis=1)), status, len(nodes) - 1)
 
 
 def _by_fixed_steps(assembly: Assembly, duration: float, settings: Settings) -> Converged:
@@ -138,11 +140,13 @@ def _by_fixed_steps(assembly: Assembly, duration: float, settings: Settings) -> 
     s = assembly.system
     method, tol = settings.method, settings.tol
     top = float(s.omega.max(initial=0.0))
-    longest = SAFETY_STEP * 2 / top if method == "leapfrog" and top > 0 else np.inf
-    step = settings.step or min(assembly.contact_time_estimate / FIRST_STEPS, longest, duration / 2)
-    if step > longest / SAFETY_STEP:
+    longest = STABLE_STEP_SHARE * 2 / top if method == "leapfrog" and top > 0 else np.inf
+    step = settings.step or min(
+        assembly.contact_time_estimate / INITIAL_STEPS_PER_CONTACT, longest, duration / 2
+    )
+    if step > longest / STABLE_STEP_SHARE:
         raise InputError(
-            f"leapfrog is unstable with steps above {longest / SAFETY_STEP:.3g} s, 2 over the"
+            f"leapfrog is unstable with steps above {longest / STABLE_STEP_SHARE:.3g} s, 2 over the"
             " highest frequency: take a shorter step, or the method 'exact'."
         )
     most = max(settings.max_steps, MAX_STEPS) if settings.step else settings.max_steps
@@ -152,18 +156,18 @@ def _by_fixed_steps(assembly: Assembly, duration: float, settings: Settings) -> 
             f" {most}: take a longer step, or use the method 'exact'."
         )
 
-    run = fixed_steps(s, step, duration, settings)
+    run = run_in_fixed_steps(s, step, duration, settings)
     if settings.step is not None:
         return Converged(run, step, 0.0, 0.0, duration)
 
     force, worst, certain, halvings = np.inf, np.inf, 0.0, 1.0
 
-    for _ in range(MOST_RUNS):
+    for _ in range(MAX_RUNS):
         stopped = run.touches >= settings.max_contacts
         if worst <= tol or stopped or 2**halvings * run.steps > settings.max_steps:
             break
         step /= 2**halvings
-        coarse, run = run, fixed_steps(s, step, duration, settings)
+        coarse, run = run, run_in_fixed_steps(s, step, duration, settings)
         if library.GREW not in (coarse.answer, run.answer):
             force, peak, certain = difference(coarse, run, tol)
             worst = max(force, peak)
@@ -174,17 +178,17 @@ def _by_fixed_steps(assembly: Assembly, duration: float, settings: Settings) -> 
 
 # -- solve_ivp
 
-IVP_STEP = 1 / 10  # of the shortest contact: none is stepped over
-IVP_TOL = 1e-2  # relative tolerance, of that of the forces
-LEAST_IVP_TOL = 3e-14  # one that rounding permits
-NODES_A_STEP = 4  # parabolas of the forces for each step of the solver
-EVALUATIONS = 20  # most evaluations of the right-hand side per allowed step
-SAME_TIME = 1e-13  # of the duration
-MOST_IDLE = 200  # events at the same time
+IVP_STEP_SHARE = 1 / 10  # of the shortest contact: none is stepped over
+IVP_TOL_RATIO = 1e-2  # relative tolerance, of that of the forces
+MIN_IVP_TOL = 3e-14  # one that rounding permits
+NODES_PER_STEP = 4  # parabolas of the forces for each step of the solver
+MAX_EVALUATIONS_PER_STEP = 20  # most evaluations of the right-hand side per allowed step
+SAME_TIME_SHARE = 1e-13  # of the duration
+MAX_EVENTS_AT_ONE_TIME = 200  # events at the same time
 
 
 def _by_solve_ivp(assembly: Assembly, duration: float, settings: Settings) -> Converged:
-    """One run by a method of SciPy, to `IVP_TOL` times the tolerance."""
+    """One run by a method of SciPy, to `IVP_TOL_RATIO` times the tolerance."""
     R = assembly.system.R
     for c, law in enumerate(assembly.laws):
         if law.has_memory:
@@ -198,12 +202,12 @@ def _by_solve_ivp(assembly: Assembly, duration: float, settings: Settings) -> Co
                 " (m0 = 0), where a force depends on its own derivative; use the method 'exact'."
             )
 
-    longest = settings.step or IVP_STEP * assembly.contact_time_estimate
-    run = _Solver(assembly.system, settings, longest).run(duration)
+    longest = settings.step or IVP_STEP_SHARE * assembly.contact_time_estimate
+    run = _EventSolver(assembly.system, settings, longest).run(duration)
     return Converged(run, longest, 0.0, 0.0, duration)
 
 
-class _Solver:
+class _EventSolver:
     """`solve_ivp` from event to event: a contact touches or parts, a load has a corner."""
 
     def __init__(self, system: System, settings: Settings, longest: float) -> None:
@@ -221,11 +225,11 @@ class _Solver:
         status = library.DONE
         steps = idle = 0
 
-        while status == library.DONE and duration - t > SAME_TIME * duration:
+        while status == library.DONE and duration - t > SAME_TIME_SHARE * duration:
             found = self._solved(t, y, duration)
             pieces.append(self._recorded(found.t, found.sol))
             steps += found.t.size - 1
-            idle = idle + 1 if found.t[-1] - t <= SAME_TIME * duration else 0
+            idle = idle + 1 if found.t[-1] - t <= SAME_TIME_SHARE * duration else 0
             t, y = float(found.t[-1]), found.y[:, -1]
 
             rate = self._at(t, y)[1]
@@ -241,11 +245,13 @@ class _Solver:
                 status = library.TOO_MANY_CONTACTS
             elif steps > settings.max_steps:
                 status = library.TOO_MANY_STEPS
-            elif idle > MOST_IDLE:
+            elif idle > MAX_EVENTS_AT_ONE_TIME:
                 status = library.STUCK
 
         columns = zip(pieces[0], *([x[1:] for x in piece] for piece in pieces[1:]), strict=True)
-        return _as_run(s, contacts, [np.concatenate(column) for column in columns], status, steps)
+        return _run_of_nodes(
+            s, contacts, [np.concatenate(column) for column in columns], status, steps
+        )
 
     def _at(self, t: float, y: Array) -> tuple[Array, Array, Array, Array]:
         """Indentations without contact forces, their rates, the forces and the loads at time t."""
@@ -260,7 +266,7 @@ class _Solver:
         """Right-hand side of the equations."""
         s = self.system
         self.evaluations += 1
-        if self.evaluations > EVALUATIONS * self.settings.max_steps:
+        if self.evaluations > MAX_EVALUATIONS_PER_STEP * self.settings.max_steps:
             raise NotConvergedError(
                 f"{self.settings.method} takes more than max_steps = {self.settings.max_steps}:"
                 " use the method 'exact'."
@@ -275,15 +281,17 @@ class _Solver:
         from scipy.integrate import solve_ivp  # loaded where it is used: it takes long
 
         s = self.system
-        until = min(duration, *s.breaks[s.breaks > t * (1 + SAME_TIME)].tolist(), np.inf)
+        until = min(duration, *s.breaks[s.breaks > t * (1 + SAME_TIME_SHARE)].tolist(), np.inf)
         self.start = t
-        ends = [interpolated(np.array([t, until]), s.breaks, x) for x in (s.offsets, s.loads)]
+        ends = [
+            linear_interpolation(np.array([t, until]), s.breaks, x) for x in (s.offsets, s.loads)
+        ]
         self.gap, self.load = ((first, (last - first) / (until - t)) for first, last in ends)
 
         reach = np.abs(s.beta).max(axis=1)
         reach[reach == 0] = 1.0
         sizes = [np.full(s.omega.size, np.max(motion / reach)) for motion in (s.depth, s.speed)]
-        rtol = max(IVP_TOL * self.settings.tol, LEAST_IVP_TOL)
+        rtol = max(IVP_TOL_RATIO * self.settings.tol, MIN_IVP_TOL)
         with np.errstate(all="ignore"):
             found = solve_ivp(
                 self._slope,
@@ -314,11 +322,11 @@ class _Solver:
         return excess
 
     def _recorded(self, ends: Array, at: Callable[[Array], Array]) -> tuple[Array, ...]:
-        """Time, force, depth, states at the nodes of steps, each divided into `NODES_A_STEP`.
+        """Time, force, depth, states at the nodes of steps, each divided into `NODES_PER_STEP`.
 
         ends : (n,) ends of the steps [s]; at : motion (2 J, k) at times (k,).
         """
-        share = np.arange(2 * NODES_A_STEP) / (2 * NODES_A_STEP)
+        share = np.arange(2 * NODES_PER_STEP) / (2 * NODES_PER_STEP)
         t = np.append((ends[:-1, None] + np.diff(ends)[:, None] * share).ravel(), ends[-1])
         y = at(t).T
         found = [self._at(float(time), row) for time, row in zip(t, y, strict=True)]

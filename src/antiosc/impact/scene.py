@@ -32,15 +32,15 @@ from antiosc.engine.equilibrium import set_initial_forces
 from antiosc.engine.march import TOUCH_RESOLUTION, Converged, solve
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.bodies import Impactor, Obstacle
-from antiosc.impact.histories import History, SceneHistory, Source
+from antiosc.impact.histories import History, RepeatableRun, SceneHistory
 from antiosc.impact.histories.linear_theory import large_deflection_message, warn_large_rotation
 from antiosc.impact.histories.run_end import (
     RunEnd,
     open_contacts,
     status_of,
-    warn_unless_well,
+    warn_unless_completed,
 )
-from antiosc.impact.histories.site_motion import DURATION, LONGER, parted
+from antiosc.impact.histories.site_motion import INITIAL_DURATION, LONGER, parted
 from antiosc.impact.measured_band import low_band_message
 from antiosc.impact.scene_parts import SceneParts
 from antiosc.impact.settings import IVP_METHODS, MAX_CONTACTS, MAX_STEPS, Settings
@@ -51,7 +51,7 @@ from antiosc.models.motion import Motion
 
 if TYPE_CHECKING:
     from antiosc.impact.histories.bars import ErrorBudget
-    from antiosc.impact.truncation import Run
+    from antiosc.impact.truncation import RunOnModel
 
 H = TypeVar("H", bound=History)
 
@@ -136,7 +136,7 @@ class Scene(SceneParts):
         motions = list(self.motion.values())
         doubts = plausible.warn_each(plausible.impact_doubts(bodies, bodies, *motions))
         history = _run_scene(self, settings, duration)
-        warn_unless_well(history.status, history.message)
+        warn_unless_completed(history.status, history.message)
         warn_large_rotation(*history.largest_rotation())
         history = with_warning(history, large_deflection_message(history))
 
@@ -162,12 +162,12 @@ def _run_scene(scene: Scene, settings: Settings, duration: float) -> SceneHistor
     """The history of a scene before its warnings."""
     assembly = assemble_scene(scene, duration)
     set_initial_forces(assembly.system, scene.preload)
-    kind = partial(SceneHistory, source=SceneSource(scene, settings, duration))
+    kind = partial(SceneHistory, source=RepeatableSceneRun(scene, settings, duration))
     return integrate(kind, assembly, duration, settings)
 
 
 @dataclass(frozen=True, eq=False)
-class SceneSource(Source):
+class RepeatableSceneRun(RepeatableRun):
     """A scene with the options of its run."""
 
     scene: Scene
@@ -202,13 +202,13 @@ class SceneSource(Source):
         return other.run(changes.get("duration", self.duration), **options)
 
 
-def proved(history: History, tol: float) -> History:
+def with_proof(history: History, tol: float) -> History:
     """The history with proved bounds on its force; a warning if they are wider than `tol`."""
-    from antiosc.impact.enclosure import enclosures, width_of_peaks  # loaded where it is used
+    from antiosc.impact.enclosure import enclosures, max_peak_width  # loaded where it is used
 
     found = enclosures(history.assembly, history.run, tol)
     history = replace(history, enclosures=found)
-    width = width_of_peaks(found)
+    width = max_peak_width(found)
     if not tol or width <= tol:
         return history
     return with_warning(
@@ -232,7 +232,7 @@ def integrate(kind: Callable[..., H], assembly: Assembly, duration: float, setti
 
     If bodies stretch, a linear run shows whether second-order forces matter.
     """
-    linear = _integrate(kind, assembly, duration, settings)
+    linear = _integrated_history(kind, assembly, duration, settings)
     if not assembly.stretches:
         return linear
     if settings.method != "exact" or settings.step is not None or assembly.scene.preload:
@@ -241,17 +241,17 @@ def integrate(kind: Callable[..., H], assembly: Assembly, duration: float, setti
             " extract it without stretch for others."
         )
 
-    from antiosc.impact.stretching import stretched  # loaded where it is used
+    from antiosc.impact.stretching import with_stretch  # loaded where it is used
 
     def integrated(other: Assembly) -> H:
         """The history of another assembly."""
-        return _integrate(kind, other, duration, settings)
+        return _integrated_history(kind, other, duration, settings)
 
-    history, sentence = stretched(linear, integrated, settings.tol)
+    history, sentence = with_stretch(linear, integrated, settings.tol)
     return replace(history, message=f"{history.message} {sentence}".rstrip())
 
 
-def _integrate(
+def _integrated_history(
     kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
 ) -> H:
     """The history of one run, of class `kind`."""
@@ -276,7 +276,7 @@ def _integrate(
     end = RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
     status, message = status_of(assembly, end, tol, limits)
 
-    often_refused = step is not None and run.refused > MOST_REFUSED * run.steps
+    often_refused = step is not None and run.refused > MAX_REFUSED_SHARE * run.steps
     if often_refused and status in (COMPLETED, TOUCHING):
         told = f"The contact excites the motion at the step of {step:g} s, which was halved"
         message = f"{told} {run.refused} times: use a smaller step, or none. {message}"
@@ -289,11 +289,11 @@ def _integrate(
 
 
 #: Share of the steps of a run from which so many that were refused put a given step in doubt.
-MOST_REFUSED = 0.1
+MAX_REFUSED_SHARE = 0.1
 
 
 #: Share of a run with a given step: what the step does not resolve is integrated with halvings.
-GIVEN_STEP_SHARE = 0.05
+HALVED_TIME_SHARE = 0.05
 
 
 def integrate_exact(
@@ -306,7 +306,7 @@ def integrate_exact(
 ) -> Converged:
     """The exact method, refined until two runs agree, or one run with a step [s] in contact."""
     fine = assembly.contact_time_estimate / TOUCH_RESOLUTION if step is None else step / 4
-    steps = (tol, 0.0, 0.0, fine) if step is None else (GIVEN_STEP_SHARE, 0.0, step, fine)
+    steps = (tol, 0.0, 0.0, fine) if step is None else (HALVED_TIME_SHARE, 0.0, step, fine)
     limits = max_contacts, max_steps, 0 if step is None else 1
     run, found = solve(assembly.system, library.COptions(duration, *steps, *limits))
 
@@ -449,16 +449,16 @@ def simulate(
     settings = Settings(accuracy, method, step, max_contacts, max_steps)
     law = law_of(contact, model, impactor)
     doubts = plausible.warn_each(plausible.impact_doubts([model], [impactor], initial_velocity))
-    first = DURATION if is_auto(duration) else checks.positive("duration", duration, "s")
+    first = INITIAL_DURATION if is_auto(duration) else checks.positive("duration", duration, "s")
     scene = Impact(model, impactor, law, first, initial_velocity, gravity, gap)
     if is_auto(duration):
-        scene = _until_parted(scene, settings)
+        scene = _with_parting_duration(scene, settings)
     history = simulate_impact(scene, settings, n)
-    warn_unless_well(history.status, history.message)
+    warn_unless_completed(history.status, history.message)
     if history.run.touches and n != "auto" and is_reduced(history.model):
-        from antiosc.impact.truncation import too_few_in  # loaded where it is used
+        from antiosc.impact.truncation import too_few_text_of_run  # loaded where it is used
 
-        history = with_warning(history, too_few_in(history, history.rerun, accuracy))
+        history = with_warning(history, too_few_text_of_run(history, history.rerun, accuracy))
     if history.run.touches:
         estimate = history.assembly.contact_time_estimate
         history = with_warning(history, coarse_cell_warning(history.model, "", estimate))
@@ -467,13 +467,13 @@ def simulate(
     check_range(history, doubts)
     history = with_warning(history, low_band_message(history))
 
-    return proved(history, goal) if proof else history
+    return with_proof(history, goal) if proof else history
 
 
-def _until_parted(scene: Impact, settings: Settings) -> Impact:
+def _with_parting_duration(scene: Impact, settings: Settings) -> Impact:
     """The impact with its duration doubled until the bodies have parted."""
     with without_warnings():
-        while scene.duration < LONGER * DURATION:
+        while scene.duration < LONGER * INITIAL_DURATION:
             hit = simulate_impact(scene, settings)
             if hit.status == STOPPED or parted(hit):
                 break
@@ -488,7 +488,7 @@ def simulate_impact(scene: Impact, settings: Settings, n: int | str | None = Non
     def integrated(model: LinearBody, settings: Settings) -> History:
         impact = scene if model is scene.model else scene._replace(model=model)
         assembly = assemble_pair(impact)
-        kind = partial(History, source=Blow(impact, settings))
+        kind = partial(History, source=RepeatableImpact(impact, settings))
         return integrate(kind, assembly, scene.duration, settings)
 
     def rerun(model: AntiOscillators, tol: float) -> History:
@@ -500,7 +500,7 @@ def simulate_impact(scene: Impact, settings: Settings, n: int | str | None = Non
     if n is None:
         return integrated(scene.model, settings)
 
-    model, truncation, shortage = _truncated(scene.model, n, rerun, settings.tol)
+    model, truncation, shortage = _truncated_model(scene.model, n, rerun, settings.tol)
     history = integrated(model, settings)
     history.error.update(truncation)
     if not shortage:
@@ -511,7 +511,7 @@ def simulate_impact(scene: Impact, settings: Settings, n: int | str | None = Non
 
 
 @dataclass(frozen=True, eq=False)
-class Blow(Source):
+class RepeatableImpact(RepeatableRun):
     """An impact of two bodies with the options of its run."""
 
     impact: Impact
@@ -555,8 +555,8 @@ class Blow(Source):
         return error_budget(hit, self.rerun, self.by_law)
 
 
-def _truncated(
-    model: LinearBody, n: int | str, run: Run, tol: float
+def _truncated_model(
+    model: LinearBody, n: int | str, run: RunOnModel, tol: float
 ) -> tuple[LinearBody, dict[str, float], str]:
     """Truncate a model to `n` anti-oscillators; "auto": the fewest that meet `tol`.
 

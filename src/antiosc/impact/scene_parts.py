@@ -29,14 +29,14 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.system import side_by_side
-from antiosc.impact.bodies import PARALLEL, Obstacle, RigidBody, SceneBody
+from antiosc.impact.bodies import PARALLEL_COSINE, Obstacle, RigidBody, SceneBody
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import AUTO, LAW_RULE, checked_body, choice_at_sites, is_auto
 from antiosc.models.modal import SiteModes
 from antiosc.models.motion import ModalState, Motion
 
 
-def _checked_law(name: str, law: object) -> object:
+def _checked_contact_law(name: str, law: object) -> object:
     if is_auto(law):
         return law
     return checks.instance(name, law, ContactLaw, LAW_RULE)
@@ -72,7 +72,9 @@ class Contact(Checked):
 
     a: str
     b: str
-    law: ContactLaw = field(default=cast("ContactLaw", AUTO), metadata=checked_by(_checked_law))
+    law: ContactLaw = field(
+        default=cast("ContactLaw", AUTO), metadata=checked_by(_checked_contact_law)
+    )
     gap: float | None = field(default=None, metadata=checked_by(checks.nonnegative, "m"))
     friction: float = field(default=0.0, metadata=checked_by(checks.nonnegative))
     tangential_stiffness: float | None = field(
@@ -105,7 +107,7 @@ class Load(FieldsRepr):
 
     def __post_init__(self) -> None:
         checks.name("end, as 'body' or 'body:site',", self.end)
-        times, forces = _series(f"load on {self.end!r}", self.times, self.forces)
+        times, forces = _checked_series(f"load on {self.end!r}", self.times, self.forces)
         checks.store(self, times=times, forces=checks.floats("forces", forces, (times.size,)))
 
 
@@ -131,13 +133,13 @@ class Base(FieldsRepr):
     accelerations: Array
 
     def __post_init__(self) -> None:
-        times, values = _series("base", self.times, self.accelerations)
+        times, values = _checked_series("base", self.times, self.accelerations)
         shape = (times.size,) if values.ndim == 1 else (times.size, 3)
         values = checks.floats("accelerations", values, shape)
         checks.store(self, times=times, accelerations=values)
 
 
-def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
+def _checked_series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
     t = checks.nonempty(f"times of {name}", times)
     if np.any(np.diff(t) < checks.MIN_MAGNITUDE):
         raise InputError(f"the times of {name} must ascend.")
@@ -146,7 +148,7 @@ def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Arra
 
 #: Most bodies, and most contacts: a chain of 800 masses took 6 s of the processor and 0.8 GB, one
 #: of 400 1.1 s and 0.25 GB.
-MOST_PARTS = 1000
+MAX_PARTS = 1000
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -195,9 +197,9 @@ class SceneParts(FieldsRepr):
             raise InputError("a scene needs at least one Contact.")
 
         for noun, number in (("bodies", len(self.bodies)), ("contacts", len(self.contacts))):
-            if number > MOST_PARTS:
+            if number > MAX_PARTS:
                 raise InputError(
-                    f"a scene has at most {MOST_PARTS} {noun}; got {number}: each step solves for"
+                    f"a scene has at most {MAX_PARTS} {noun}; got {number}: each step solves for"
                     " all of them. Leave out what the blow does not reach."
                 )
 
@@ -308,7 +310,7 @@ def stacked_bodies(bodies: Mapping[str, SceneBody]) -> StackedBodies:
     return StackedBodies(spans, columns, B, r, omega, decay, q, v)
 
 
-End = tuple[SceneBody, str]  # a body and the name of its site
+ContactEnd = tuple[SceneBody, str]  # a body and the name of its site
 
 
 def find_site(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
@@ -331,7 +333,9 @@ def find_site(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
     raise InputError(f"{end!r} names no site of the body {name!r}; it has {site_names}.")
 
 
-def set_axes(ends: Sequence[tuple[End, End]], bodies: Mapping[str, SceneBody]) -> None:
+def set_axes(
+    ends: Sequence[tuple[ContactEnd, ContactEnd]], bodies: Mapping[str, SceneBody]
+) -> None:
     """Give sites without a direction (`SceneBody.axes`) the direction of their contacts."""
     open_ends = [
         [(body.name, at) for body, at in pair if body.sites[at] and body.directions is None]
@@ -365,7 +369,9 @@ def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> A
     direction_sum = axes.T @ parts
     if np.linalg.norm(
         direction_sum
-    ) < PARALLEL or direction_sum @ direction < PARALLEL * np.linalg.norm(direction_sum):
+    ) < PARALLEL_COSINE or direction_sum @ direction < PARALLEL_COSINE * np.linalg.norm(
+        direction_sum
+    ):
         remedy = (
             "which is that of another contact of this body of one coordinate; use a RigidBody"
             if body.directions is None
@@ -380,13 +386,13 @@ def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> A
     return row
 
 
-def contact_direction(a: End, b: End) -> Array | None:
+def contact_direction(a: ContactEnd, b: ContactEnd) -> Array | None:
     """Direction (3,) of a contact in space; None if neither end has one."""
     return a[0].pushes.get(a[1], b[0].pushes.get(b[1]))
 
 
 def contact_row(
-    contact: Contact, ends: tuple[End, End], stacked: StackedBodies
+    contact: Contact, ends: tuple[ContactEnd, ContactEnd], stacked: StackedBodies
 ) -> tuple[Array, Array | None]:
     """Row (P,) of the indentation, and the direction of the contact in space or None."""
     if all(isinstance(body.body, Obstacle) for body, _ in ends):
@@ -396,7 +402,10 @@ def contact_row(
 
 
 def _relative_row(
-    contact: Contact, ends: tuple[End, End], direction: Array | None, stacked: StackedBodies
+    contact: Contact,
+    ends: tuple[ContactEnd, ContactEnd],
+    direction: Array | None,
+    stacked: StackedBodies,
 ) -> Array:
     """Row (P,) of the displacement of end b relative to end a along a direction."""
     row = np.zeros(len(stacked.r))
@@ -407,7 +416,10 @@ def _relative_row(
 
 
 def tangential_rows(
-    contact: Contact, ends: tuple[End, End], direction: Array | None, stacked: StackedBodies
+    contact: Contact,
+    ends: tuple[ContactEnd, ContactEnd],
+    direction: Array | None,
+    stacked: StackedBodies,
 ) -> list[Array]:
     """One or two rows (P,) of the tangential displacement of end b relative to end a."""
     movable_ends = [(body, site) for body, site in ends if body.sites[site]]
@@ -438,7 +450,7 @@ def tangential_rows(
     return rows
 
 
-def _axis(body: SceneBody) -> Array | None:
+def _motion_axis(body: SceneBody) -> Array | None:
     """Direction in space of a body with one coordinate; None for other bodies."""
     if body.directions is not None and len(body.directions):
         if body.inertia is None:
@@ -529,7 +541,7 @@ def _check_ground_direction(body: SceneBody, ground_motion: Array) -> None:
     """InputError if the ground (K, 3) moves perpendicular to the only direction of a body."""
     if body.inertia is not None or body.weight is None or body.weight.ndim == 2:
         return
-    axis = _axis(body)
+    axis = _motion_axis(body)
     if axis is None or ground_motion.shape[1] != 3:
         return
     transverse = np.abs(ground_motion - np.outer(ground_motion @ axis, axis)).max()
@@ -569,7 +581,7 @@ def _unit_loads(body: SceneBody, vector: bool) -> Array:
         )
     if not vector:
         return body.weight[:, None]
-    axis = _axis(body)
+    axis = _motion_axis(body)
     if axis is None:
         raise InputError(
             f"gravity as a vector needs the direction of {body.name!r}: its contacts must have one"

@@ -26,7 +26,7 @@ STATES_AT_ONCE = 1 << 22
 MEMORY_REMEDY = "ask for the motion at fewer times, as hit.at(times), or use fewer anti-oscillators"
 
 
-def record_of(run: Run) -> tuple[library.CRecord, list[Array]]:
+def c_record_of(run: Run) -> tuple[library.CRecord, list[Array]]:
     """(a run as the C library reads it, the arrays to which it points)."""
     arrays = [np.ascontiguousarray(array) for array in (run.time, run.force, run.events)]
     time, force, events = map(library.address, arrays)
@@ -36,7 +36,7 @@ def record_of(run: Run) -> tuple[library.CRecord, list[Array]]:
 
 def contact_intervals(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
     """Intervals (`TOUCH_RECORD`) of contact c of some length, and whether it ends closed."""
-    record, _ = record_of(run)
+    record, _ = c_record_of(run)
     touches = np.empty(len(run.events) + 1, library.TOUCH_RECORD)
     goes_on = c_int()
     closed = bool(system.closed[c])
@@ -59,7 +59,7 @@ def main_contact_time(contacts: Iterable[tuple[float, float, float]]) -> float:
     return float(library.library.aom_main_impact(touches.size, library.address(touches)))
 
 
-def interpolated(t: Array, breaks: Array, values: Array) -> Array:
+def linear_interpolation(t: Array, breaks: Array, values: Array) -> Array:
     """Rows of `values` at times, linear between the breaks, constant after the last."""
     if breaks.size == 1:
         return np.broadcast_to(values[0], (t.size, values.shape[1]))
@@ -70,10 +70,10 @@ def interpolated(t: Array, breaks: Array, values: Array) -> Array:
 
 def modal_loads(system: System, t: Array) -> Array:
     """Modal loads (n, J) at times (n,)."""
-    return interpolated(t, system.breaks, system.loads)
+    return linear_interpolation(t, system.breaks, system.loads)
 
 
-def locate(run: Run, t: Array) -> tuple[Index, Array]:
+def steps_at(run: Run, t: Array) -> tuple[Index, Array]:
     """Index of the step that contains each time (n,), and the time since its start."""
     starts = run.time[:-2:2]
     tolerance = 1e-13 * float(run.time[-1])  # what is meant as a node is one
@@ -83,7 +83,7 @@ def locate(run: Run, t: Array) -> tuple[Index, Array]:
     return step, np.where(since > tolerance, since, 0.0)
 
 
-def forces(run: Run, step: Index, since: Array) -> Array:
+def contact_forces(run: Run, step: Index, since: Array) -> Array:
     """Contact forces (n, m) from the parabola of each step, at times since its start."""
     if run.time.size < 3:
         return np.repeat(run.force[:1], step.size, axis=0)
@@ -93,7 +93,7 @@ def forces(run: Run, step: Index, since: Array) -> Array:
     return np.asarray(f0 + u * (4 * f1 - 3 * f0 - f2) + 2 * u * u * (f0 - 2 * f1 + f2))
 
 
-def states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
+def modal_states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
     """Modal displacements and velocities (n, J) at times since the starts of steps."""
     q, v = integrated_states(run, system, step, since)
     return _free_modes(system, q, v)
@@ -104,7 +104,7 @@ def integrated_states(run: Run, system: System, step: Index, since: Array) -> tu
     q, v = integrated_starts(run, system, step)
     if run.time.size < 3:
         return q, v
-    return _advanced(run, system, step, since, q, v)
+    return _advanced_states(run, system, step, since, q, v)
 
 
 def _free_modes(system: System, q: Array, v: Array) -> tuple[Array, Array]:
@@ -126,7 +126,7 @@ def damping_states(
     return system.first.motion(*integrated)[2], system.first.springs(*integrated)
 
 
-def starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
+def modal_start_states(run: Run, system: System, step: Index) -> tuple[Array, Array]:
     """Modal displacements and velocities (n, J) at the starts of steps (n,).
 
     A number one beyond the last step gives the end of the run.
@@ -158,14 +158,14 @@ def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Arr
             remaining = np.flatnonzero(most_ahead > k)
             numbers = stored[start + remaining] * run.every + k
             h = run.time[2 * numbers + 2] - run.time[2 * numbers]
-            x[remaining], y[remaining] = _advanced(
+            x[remaining], y[remaining] = _advanced_states(
                 run, system, numbers, h, x[remaining], y[remaining]
             )
 
     return q, v
 
 
-def _advanced(
+def _advanced_states(
     run: Run, system: System, step: Index, since: Array, q: Array, v: Array
 ) -> tuple[Array, Array]:
     """Modal displacements and velocities at times `since` the starts of steps."""
@@ -228,12 +228,12 @@ def node_states(
         steps = np.arange(start, min(start + block, last))
         since = run.time[2 * steps + 1] - run.time[2 * steps]
         node = 2 * (steps - first)
-        q[node + 1], v[node + 1] = _advanced(run, system, steps, since, q[node], v[node])
+        q[node + 1], v[node + 1] = _advanced_states(run, system, steps, since, q[node], v[node])
 
     return _free_modes(system, q, v)
 
 
-def blocks(run: Run, size: int) -> list[tuple[int, int]]:
+def step_blocks(run: Run, size: int) -> list[tuple[int, int]]:
     """First and last steps of blocks of a run whose states of `size` modes fit in memory."""
     steps = run.time.size // 2
     block_size = max(STATES_AT_ONCE // max(size, 1), 1)
@@ -263,15 +263,15 @@ def with_flight_nodes(run: Run, system: System) -> Run:
     step_of_new = step[new // 2]
     time_in_step = since[new // 2] + new % 2 * 0.5 * length[new // 2]
     time[new] = run.time[2 * step_of_new] + time_in_step
-    displacements, _ = states(run, system, step_of_new, time_in_step)
-    depth[new] = displacements @ system.beta.T - interpolated(
+    displacements, _ = modal_states(run, system, step_of_new, time_in_step)
+    depth[new] = displacements @ system.beta.T - linear_interpolation(
         time[new], system.breaks, system.offsets
     )
     start_steps = np.append(step, h.size)[:: run.every]
     delays = np.append(since, 0.0)[:: run.every]
     q, v = integrated_starts(run, system, start_steps)
     long_flights = np.flatnonzero(delays)
-    q[long_flights], v[long_flights] = _advanced(
+    q[long_flights], v[long_flights] = _advanced_states(
         run,
         system,
         start_steps[long_flights],

@@ -19,42 +19,42 @@ from antiosc.base.texts import STOPPED, percent
 from antiosc.engine.system import stretch_forces
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.histories import History, bars
-from antiosc.impact.histories.linear_theory import deflection, sampled_motion
+from antiosc.impact.histories.linear_theory import largest_deflection, sampled_motion
 from antiosc.models.stretch import MOST_MODES, NARROWING_REMEDY, Stretch
 
 H = TypeVar("H", bound=History)
 #: Integrates an assembly.
-Integrate = Callable[[Assembly], H]
+IntegrateAssembly = Callable[[Assembly], H]
 
 #: Change of the site's displacement by second-order forces, over its largest, up to which the
 #: linear run stands: of a peak force about half of it.
-NEGLIGIBLE = 3e-3
+NEGLIGIBLE_SHARE = 3e-3
 #: Modes that an automatic choice begins with, and the share of the error that it aims at, at least:
 #: the tensors themselves are within 1e-3 of the full second-order strain.
-FIRST_MODES = 2
-LEAST_TOL = 2e-3
+INITIAL_MODE_COUNT = 2
+MIN_STRETCH_TOL = 2e-3
 #: Modes of the Krylov space whose combinations come first. In one of 20, which holds more of the
 #: waves, the motions that move most miss the dent.
 KRYLOV_SIZE = 12
 #: Steps of two modes that must agree: one may by chance, and had an error of 15 % in one of 25
 #: random sheets (measured).
-AGREEING_STEPS = 2
+AGREEING_STEP_COUNT = 2
 #: Times up to the peak of a force at which energies are compared.
-SAMPLES = 200
+ENERGY_SAMPLES = 200
 #: Change by the last of them from which a sentence tells it; below, the error budget does.
 WARN_CHANGE = 1e-2
 #: Error above which another program is advised.
-ROUGH = 0.5
+ROUGH_ERROR = 0.5
 #: Factor of safety on that change in the error budget, and the least change: 56 of 58 random sheets
 #: have bars that cover the error (measured); with 3 and 1e-3 55 of them.
 STRETCH_SAFETY = 4.5
-STRETCH_LEAST = 2.5e-3
+MIN_STRETCH_ERROR = 2.5e-3
 #: What decides on their number, and how much more it may change than the force; contact times,
 #: which may jump by a whole touch, do not.
-DECIDING = {"peak_force": 1.0, "impulse": 1.0, "deflection": 2.5}
+DECIDING_WEIGHTS = {"peak_force": 1.0, "impulse": 1.0, "deflection": 2.5}
 
 
-def with_rows(a: Assembly, by_body: Mapping[str, Stretch]) -> Assembly:
+def with_stretch_rows(a: Assembly, by_body: Mapping[str, Stretch]) -> Assembly:
     """The assembly with a further row for each mode in which a body has second-order forces."""
     system = a.system
     count = sum(forces.size for forces in by_body.values())
@@ -121,13 +121,13 @@ def motion_of(history: History, name: str) -> StretchedMotion | None:
     triangle = np.asarray(np.linalg.qr(amplitude, mode="r"))
     poles = np.where(body.omega > 0, body.omega, np.inf)[:, None] ** 2
     site_displacement = forces.forces(amplitude) @ (forces.modes.T @ (sites / poles))
-    largest = max(deflection(history, name), 1e-300)
+    largest = max(largest_deflection(history, name), 1e-300)
     change = float(np.abs(site_displacement).max(initial=0.0)) / largest
 
     return StretchedMotion(forces, body.omega, triangle, change)
 
 
-def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
+def with_stretch(linear: H, again: IntegrateAssembly[H], tol: float) -> tuple[H, str]:
     """Repeat a linear run with second-order forces of its bodies.
 
     again : integrates an assembly; tol : relative error to aim at. Returns the run, or `linear` if
@@ -138,7 +138,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     motion_by_body = {name: motion for name, motion in every_motion.items() if motion is not None}
     force = largest_force(linear)
     fixed = not any(motion.forces.count == "auto" for motion in motion_by_body.values())
-    if not fixed and max(motion.change for motion in motion_by_body.values()) <= NEGLIGIBLE:
+    if not fixed and max(motion.change for motion in motion_by_body.values()) <= NEGLIGIBLE_SHARE:
         return linear, ""
 
     for name in motion_by_body:
@@ -147,24 +147,26 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
                 f"{name!r} stretches, which does not go with dampers or layers that relax."
             )
 
-    aim = max(tol, LEAST_TOL)
+    aim = max(tol, MIN_STRETCH_TOL)
     most_modes = min(max(motion.forces.size for motion in motion_by_body.values()), MOST_MODES)
-    count = min(FIRST_MODES, most_modes)
+    count = min(INITIAL_MODE_COUNT, most_modes)
     runs: list[H] = []
     changes: list[dict[str, float]] = []
 
     while True:
         stretches = {name: motion.first(count) for name, motion in motion_by_body.items()}
-        run = again(with_rows(a, stretches))
+        run = again(with_stretch_rows(a, stretches))
         run.assembly.stretch_effect = largest_force(run) / force - 1 if force else 0.0
         if fixed:
             return run, ""
         if run.status != STOPPED:  # else these modes alone have no bounded energy; others may have
-            changes += [differences(before, run) for before in runs[-1:]]
+            changes += [relative_differences(before, run) for before in runs[-1:]]
             runs.append(run)
-        last = largest(changes[-AGREEING_STEPS:])
-        unsettled = max((last[name] / x for name, x in DECIDING.items() if last), default=np.inf)
-        if (unsettled <= aim and len(changes) >= AGREEING_STEPS) or count >= most_modes:
+        last = largest_changes(changes[-AGREEING_STEP_COUNT:])
+        unsettled = max(
+            (last[name] / x for name, x in DECIDING_WEIGHTS.items() if last), default=np.inf
+        )
+        if (unsettled <= aim and len(changes) >= AGREEING_STEP_COUNT) or count >= most_modes:
             break
         count = min(count + 2, most_modes)
 
@@ -173,15 +175,15 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     found.assembly.stretch_settled = unsettled <= aim
     if last and unsettled > max(tol, WARN_CHANGE):
         count = max(forces.size for forces in found.assembly.stretched.values())
-        return found, _not_enough(count, shares_of(found))
+        return found, _too_few_text(count, stretch_shares_of(found))
     return found, ""
 
 
-def before_peak(history: History) -> float:
+def energy_ratio_before_peak(history: History) -> float:
     """Largest ratio of second-order to linear strain energy before the last peak of a force."""
     contacts = [contact for contact in history.contact_histories if contact.contacts]
     peaks = [float(contact.time[int(np.argmax(contact.force))]) for contact in contacts]
-    times = np.linspace(0.0, max(peaks, default=0.0), SAMPLES)
+    times = np.linspace(0.0, max(peaks, default=0.0), ENERGY_SAMPLES)
     motion = history.states(times)[0]
 
     a = history.assembly
@@ -204,24 +206,25 @@ def largest_force(history: History) -> float:
     return max((contact.peak_force for contact in history.contact_histories), default=0.0)
 
 
-def largest(changes: list[dict[str, float]]) -> dict[str, float]:
+def largest_changes(changes: list[dict[str, float]]) -> dict[str, float]:
     """The largest change of each name; {} without changes."""
     names = changes[0] if changes else {}
     return {name: max(change[name] for change in changes) for name in names}
 
 
-def differences(first: History, second: History) -> dict[str, float]:
+def relative_differences(first: History, second: History) -> dict[str, float]:
     """Relative changes between two runs: of each quantity the largest of all contacts, and the
     largest of the deflections.
     """
     worst = dict.fromkeys(bars.QUANTITIES, 0.0)
     for a, b in zip(first.contact_histories, second.contact_histories, strict=True):
         if b.contacts:
-            changes = bars.changes(a, b)
+            changes = bars.relative_changes(a, b)
             worst = {name: max(value, changes[name]) for name, value in worst.items()}
 
     deflections = [
-        [deflection(run, name) for name in run.assembly.stretched] for run in (first, second)
+        [largest_deflection(run, name) for name in run.assembly.stretched]
+        for run in (first, second)
     ]
     apart = [abs(a - b) / max(a, b, 1e-300) for a, b in zip(*deflections, strict=True)]
 
@@ -231,12 +234,12 @@ def differences(first: History, second: History) -> dict[str, float]:
 def stretch_shares(changes: Mapping[str, float], before: float) -> dict[str, float]:
     """Relative errors by second-order motions that are left out, for the error bars.
 
-    changes : relative changes by two more motions; before : `before_peak` of the run.
+    changes : relative changes by two more motions; before : `energy_ratio_before_peak` of the run.
     """
-    worst = max(changes.get(name, 0.0) for name in DECIDING)
-    floors = dict.fromkeys(bars.QUANTITIES, bars.FLOOR * worst)
+    worst = max(changes.get(name, 0.0) for name in DECIDING_WEIGHTS)
+    floors = dict.fromkeys(bars.QUANTITIES, bars.MIN_ERROR_SHARE * worst)
     floors[bars.DEFLECTION] = 0.0  # it is among those that make the floors
-    floors = {name: max(floor, STRETCH_LEAST) for name, floor in floors.items()}
+    floors = {name: max(floor, MIN_STRETCH_ERROR) for name, floor in floors.items()}
     floors["peak_force"] = min(floors["peak_force"], before)
 
     return {
@@ -244,19 +247,19 @@ def stretch_shares(changes: Mapping[str, float], before: float) -> dict[str, flo
     }
 
 
-def shares_of(run: History) -> dict[str, float]:
+def stretch_shares_of(run: History) -> dict[str, float]:
     """`stretch_shares` of a run whose number of motions was chosen automatically."""
-    changes = {name: run.error.get(f"stretch {name}", 0.0) for name in bars.UNITS}
-    return stretch_shares(changes, before_peak(run))
+    changes = {name: run.error.get(f"stretch {name}", 0.0) for name in bars.BAR_UNITS}
+    return stretch_shares(changes, energy_ratio_before_peak(run))
 
 
-def _not_enough(count: int, shares: Mapping[str, float]) -> str:
+def _too_few_text(count: int, shares: Mapping[str, float]) -> str:
     """Sentence on a run with `count` motions that two more would still change.
 
     shares : relative errors by `stretch_shares`.
     """
     force, deflection = shares["peak_force"], shares[bars.DEFLECTION]
-    advice = f" To narrow it, {NARROWING_REMEDY}." if max(force, deflection) > ROUGH else ""
+    advice = f" To narrow it, {NARROWING_REMEDY}." if max(force, deflection) > ROUGH_ERROR else ""
     return (
         f"Second-order forces leave an error of {percent(force)} of the force and of"
         f" {percent(deflection)} of the deflection: it is so large or so local that those of"

@@ -35,39 +35,39 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warni
 from antiosc.base.texts import percent
 from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.impact.histories import History
-from antiosc.impact.histories.bars import all_changes, with_floor
+from antiosc.impact.histories.bars import relative_changes_with_site, with_floor
 from antiosc.models.anti_oscillators import AntiOscillators, is_reduced
 from antiosc.models.body import checked_body
 from antiosc.models.motion import ModalState
 
 #: Share of the force from which a warning is given.
-WARN_SHARE = 0.3
+WARNING_SHARE = 0.3
 
 
-def too_few(n: int, error: float) -> str:
+def too_few_text(n: int, error: float) -> str:
     """Warning if `n` anti-oscillators leave too large a relative `error` of the force; else ""."""
-    if error <= WARN_SHARE:
+    if error <= WARNING_SHARE:
         return ""
     return (
         f"The model's {n} anti-oscillators are too few for this contact: what they leave out"
-        f" may change the force by {percent(error)} (above {percent(WARN_SHARE)} neither peak force"
-        " nor contact time is known); extract more (n)."
+        f" may change the force by {percent(error)} (above {percent(WARNING_SHARE)} neither peak"
+        " force nor contact time is known); extract more (n)."
     )
 
 
 #: simulates the impact on a model with a given time integration error
-Run = Callable[[AntiOscillators, float], History]
+RunOnModel = Callable[[AntiOscillators, float], History]
 
 #: Factor of safety of the estimate.
 TRUNCATION_SAFETY = 2.5
 #: Factor of safety of the changes on the softest and on the lightest model of the Krylov method.
 TRUNCATION_SAFETY_RITZ = 4.0
 #: Least share of a value that is left on the model with half as many anti-oscillators.
-SMALL = 1e-3
+MIN_HALVED_SHARE = 1e-3
 #: The lowest 1/omega^2 of a Gauss rule lies above this share of the one above it, but for rounding.
-SMALL_GAUSS_SHARE = 1e-6
+MIN_GAUSS_RATIO = 1e-6
 #: Directions of a block that are smaller than this share of its largest depend on those before.
-DEFLATED = 1e-10
+DEFLATION_RATIO = 1e-10
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,9 @@ class TruncationError:
         return max(self.peak_force, self.impulse, self.contact_time)
 
 
-def truncation_error(model: AntiOscillators, run: Run, *, tol: float = 1e-4) -> TruncationError:
+def truncation_error(
+    model: AntiOscillators, run: RunOnModel, *, tol: float = 1e-4
+) -> TruncationError:
     """Estimate the effect of the truncated modes of `model` on an impact; that of a part that
     stretches, by runs without its stretching.
 
@@ -99,7 +101,7 @@ def truncation_error(model: AntiOscillators, run: Run, *, tol: float = 1e-4) -> 
     tol : float
         Time integration error of the impacts.
     """
-    _check(model, run)
+    _check_arguments(model, run)
     tol = checks.tolerance(tol)
     if model.n == 0:
         return TruncationError(0, inf, inf, inf, inf)
@@ -110,15 +112,15 @@ def truncation_error(model: AntiOscillators, run: Run, *, tol: float = 1e-4) -> 
 
     def change(other: AntiOscillators) -> dict[str, float]:
         """Relative changes of the quantities on another model, beyond the errors in time."""
-        changes = all_changes(raw, _run_quietly(run, other, tol))
+        changes = relative_changes_with_site(raw, _run_quietly(run, other, tol))
         return {name: max(share - tol, 0.0) for name, share in changes.items()}
 
     softer = change(softest_model(model))
-    if not _unconverged(model):
+    if not _is_unconverged(model):
         errors = {name: TRUNCATION_SAFETY * share for name, share in softer.items()}
         return TruncationError(model.n, **with_floor(errors))
 
-    half = halved(model)
+    half = halved_model(model)
     heavier = change(half)
     m0 = max(2 * model.m0 - half.m0, 0.0)
     m = np.array(model.m)
@@ -127,12 +129,12 @@ def truncation_error(model: AntiOscillators, run: Run, *, tol: float = 1e-4) -> 
     lighter = change(replace(model, m0=m0, m=m))
     errors = {}
     for name, share in heavier.items():
-        spike = share / max(1 - share, SMALL)  # over the smaller value
+        spike = share / max(1 - share, MIN_HALVED_SHARE)  # over the smaller value
         errors[name] = max(TRUNCATION_SAFETY_RITZ * max(softer[name], lighter[name]), spike)
     return TruncationError(model.n, **with_floor(errors))
 
 
-def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> TruncationError:
+def choose_n(model: AntiOscillators, run: RunOnModel, tol: float = 1e-2) -> TruncationError:
     """The fewest anti-oscillators of `model` whose errors are at most `tol`, or all of them, and
     these errors: what they change from the whole model, and the error of that.
 
@@ -143,7 +145,7 @@ def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> TruncationE
     InputError
         For a tolerance that is not in (0, 1), or a model that is not `AntiOscillators`.
     """
-    _check(model, run)
+    _check_arguments(model, run)
     tol = checks.tolerance(tol)
     accuracy = min(0.1 * tol, 1e-3)
     whole = truncation_error(model, run, tol=accuracy)
@@ -155,7 +157,9 @@ def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> TruncationE
 
     def error(n: int) -> TruncationError:
         if n not in errors:
-            changes = all_changes(raw, _run_quietly(run, model.truncated(n), accuracy))
+            changes = relative_changes_with_site(
+                raw, _run_quietly(run, model.truncated(n), accuracy)
+            )
             added = {name: change + getattr(whole, name) for name, change in changes.items()}
             errors[n] = TruncationError(n, **with_floor(added))
         return errors[n]
@@ -184,8 +188,10 @@ def softest_model(model: AntiOscillators) -> AntiOscillators:
         return model.truncated(model.n - 1)
 
     n = model.n
-    if _unconverged(model):
-        masses, omega, psi = _gauss(np.append(model.m0, model.m), model.omega, _expansion(model))
+    if _is_unconverged(model):
+        masses, omega, psi = _gauss_rule(
+            np.append(model.m0, model.m), model.omega, _expansion_point(model)
+        )
     else:
         spacing = model.omega[-1] - model.omega[-2] if n > 1 else model.omega[-1]
         masses = np.append(model.m, model.m0)
@@ -205,10 +211,10 @@ def softest_model(model: AntiOscillators) -> AntiOscillators:
         momentum = np.vstack((momentum[:1], momenta, momentum[n + 1 :]))
 
     given = {"m0": 0.0, "m": masses, "omega": omega, "participation": p, "hidden": None}
-    return _in_motions(model, modes, momentum, given)
+    return _combined_model(model, modes, momentum, given)
 
 
-def _in_motions(
+def _combined_model(
     model: AntiOscillators, modes: Array, momentum: Array | None, given: Mapping[str, Any]
 ) -> AntiOscillators:
     """The model with its n anti-oscillators replaced by k combinations of them.
@@ -236,10 +242,10 @@ def _in_motions(
     )
 
 
-def halved(model: AntiOscillators) -> AntiOscillators:
+def halved_model(model: AntiOscillators) -> AntiOscillators:
     """A model of the Krylov method with half of its Krylov space; it may have several sites."""
     P = np.sqrt(model.m)[None] if model.P is None else model.P
-    modes, omega = _krylov(P, model.omega, _expansion(model), model.n // 2)
+    modes, omega = _krylov_modes(P, model.omega, _expansion_point(model), model.n // 2)
     p = model.n_sites
     rows = slice(p, p + model.n)
     if not model.sites:
@@ -264,14 +270,14 @@ def halved(model: AntiOscillators) -> AntiOscillators:
 
     momentum = None if model.inertia is None else fewer(model.inertia.momentum)
     given |= {"omega": omega, "participation": participation}
-    return _in_motions(model, modes, momentum, given)
+    return _combined_model(model, modes, momentum, given)
 
 
-def _krylov(P: Array, omega: Array, point: float, count: int) -> tuple[Array, Array]:
+def _krylov_modes(P: Array, omega: Array, point: float, count: int) -> tuple[Array, Array]:
     """A Krylov space by Lanczos' block recurrence.
 
     P : (p, n) momenta of the modes at the sites; omega : (n,) their frequencies [rad/s]; point :
-    `_expansion`. Returns modes (n, k), k <= count, and their frequencies (k,).
+    `_expansion_point`. Returns modes (n, k), k <= count, and their frequencies (k,).
     """
     highest = 1 / (omega[0] ** 2 + point)
     lam = (omega[0] ** 2 + point) / (omega**2 + point)
@@ -283,7 +289,7 @@ def _krylov(P: Array, omega: Array, point: float, count: int) -> tuple[Array, Ar
         for _ in range(2):
             block = block - basis @ (basis.T @ block)
         directions, sizes, _ = np.linalg.svd(block, full_matrices=False)
-        new = directions[:, sizes > DEFLATED * size][:, : count - basis.shape[1]]
+        new = directions[:, sizes > DEFLATION_RATIO * size][:, : count - basis.shape[1]]
         if not new.size:
             break
         basis = np.column_stack((basis, new))
@@ -295,7 +301,7 @@ def _krylov(P: Array, omega: Array, point: float, count: int) -> tuple[Array, Ar
     return modes, np.sqrt(1 / (highest * values) - point)
 
 
-def too_few_in(hit: History, rerun: Run | None, tol: float) -> str:
+def too_few_text_of_run(hit: History, rerun: RunOnModel | None, tol: float) -> str:
     """Warning that the anti-oscillators of the model of a run are too few for it, or ""."""
     model = hit.model
     if not is_reduced(model) or rerun is None:
@@ -304,7 +310,7 @@ def too_few_in(hit: History, rerun: Run | None, tol: float) -> str:
     error = truncation_error(
         model, lambda other, tol: hit if other is model else rerun(other, tol), tol=tol
     )
-    return too_few(model.n, error.peak_force)
+    return too_few_text(model.n, error.peak_force)
 
 
 def warn_too_few(hit: History, rerun: Callable[[dict[str, object]], History]) -> None:
@@ -324,7 +330,7 @@ def warn_too_few(hit: History, rerun: Callable[[dict[str, object]], History]) ->
     for name, body in reduced.items():
         given = isinstance(scene.motion.get(name), ModalState)  # in all modes of the body
         if body.stretch is None and not given:
-            coarse[name] = halved(body)
+            coarse[name] = halved_model(body)
 
     if not coarse:
         return
@@ -338,23 +344,23 @@ def warn_too_few(hit: History, rerun: Callable[[dict[str, object]], History]) ->
         if not changed or not contact.contacts:
             continue
         change = abs(heavier.peak_force - force) / force if force else 0.0
-        if sentence := too_few(reduced[changed[0]].n, change):
+        if sentence := too_few_text(reduced[changed[0]].n, change):
             bodies, of = (" and ".join(map(repr, pair)) for pair in (changed, contact.ends))
             warn(f"{bodies} in the contact of {of}: {sentence}", AccuracyWarning)
 
 
-def _unconverged(model: AntiOscillators) -> bool:
+def _is_unconverged(model: AntiOscillators) -> bool:
     """Whether the highest anti-oscillators stand for the truncated modes."""
     return model.info.method == "krylov" and (model.info.converged or 0) < model.n
 
 
-def _expansion(model: AntiOscillators) -> float:
+def _expansion_point(model: AntiOscillators) -> float:
     """Square p² [rad²/s²] of the expansion point p of a model."""
     point = model.info.get("expansion", 0.0)
     return (2 * np.pi * point) ** 2
 
 
-def _gauss(m: Array, omega: Array, point: float = 0.0) -> tuple[Array, Array, Array]:
+def _gauss_rule(m: Array, omega: Array, point: float = 0.0) -> tuple[Array, Array, Array]:
     """Masses and frequencies (n,) of the Gauss rule with the moments of m over 1/(omega^2 + point),
     and the shares (n, n + 1) of the psi_i in its shapes.
 
@@ -369,7 +375,7 @@ def _gauss(m: Array, omega: Array, point: float = 0.0) -> tuple[Array, Array, Ar
     basis = np.linalg.qr(last[:, None], mode="complete")[0][:, 1:]
     eigenvalues, turn = np.linalg.eigh(basis.T * lam @ basis)
     eigenvalues = np.clip(
-        eigenvalues, np.append(SMALL_GAUSS_SHARE * lam[-1], lam[:1:-1]), lam[:0:-1]
+        eigenvalues, np.append(MIN_GAUSS_RATIO * lam[-1], lam[:1:-1]), lam[:0:-1]
     )  # they interlace
     vectors = (basis @ turn).T[::-1]
     shares = vectors @ np.sqrt(m)
@@ -377,14 +383,14 @@ def _gauss(m: Array, omega: Array, point: float = 0.0) -> tuple[Array, Array, Ar
     return shares**2, np.sqrt(lowest / eigenvalues[::-1] - point), psi
 
 
-def _check(model: AntiOscillators, run: Run) -> None:
+def _check_arguments(model: AntiOscillators, run: RunOnModel) -> None:
     if not isinstance(model, AntiOscillators):
         raise InputError(f"only AntiOscillators can be truncated; model is {checks.shown(model)}.")
     checked_body("model", model)  # of one site
     checks.function("run", run, "a function run(model, tol) that returns a History")
 
 
-def _run_quietly(run: Run, model: AntiOscillators, tol: float) -> History:
+def _run_quietly(run: RunOnModel, model: AntiOscillators, tol: float) -> History:
     """`run(model, tol)` without its warnings; InputError unless it returns a History."""
     with without_warnings():
         hit = run(model, tol)

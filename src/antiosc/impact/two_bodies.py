@@ -36,12 +36,12 @@ from antiosc.models.motion import Motion
 from antiosc.models.stretch import stretch_of
 
 #: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
-LARGEST_PHASE = 1e15
+MAX_PHASE = 1e15
 #: The row of the one contact in the displacements of both bodies along their pushes.
 _CONTACT_ROW = np.array([[-1.0, -1.0]])
 
 
-class Pair(NamedTuple):
+class ModalPair(NamedTuple):
     """Two bodies side by side in their modes, without the contact between them."""
 
     #: structure, impactor: the bodies as a scene has them, with their motion at the start
@@ -95,10 +95,10 @@ def check_span(system: System, duration: float) -> None:
         )
 
     fastest = float(system.omega.max())
-    if fastest * duration > LARGEST_PHASE:
+    if fastest * duration > MAX_PHASE:
         raise AccuracyError(
             f"rounding destroys the phase of the fastest motion, {fastest:.3g} rad/s, over a "
-            f"duration of {duration:g} s: shorten it to at most {LARGEST_PHASE / fastest:.2g}"
+            f"duration of {duration:g} s: shorten it to at most {MAX_PHASE / fastest:.2g}"
             " s, or take fewer anti-oscillators."
         )
 
@@ -126,7 +126,7 @@ class Impact(NamedTuple):
         return id(self.model), 0 if rigid else (id(self.impactor), id(self.gravity)), speed
 
 
-def modal_pair(impact: Impact) -> Pair:
+def modal_pair(impact: Impact) -> ModalPair:
     """Two bodies in their modes, with start velocities and gravity."""
     model, impactor, _, _, initial, gravity, _ = impact
     checked_model = checked_body("model", model)
@@ -151,7 +151,7 @@ def modal_pair(impact: Impact) -> Pair:
         single_site_body("impactor", impactor, checked_impactor, striker, strike),
     )
 
-    return Pair(*bodies, _gravity_loads(*bodies, gravity))
+    return ModalPair(*bodies, _gravity_loads(*bodies, gravity))
 
 
 def assemble_pair(impact: Impact) -> Assembly:
@@ -201,7 +201,7 @@ def _gravity_loads(
 
 #: The band of an impact over the frequency 1/(2T) of its contact time T: a half-sine of length T
 #: has its first zero there.
-BAND_OVER_PULSE = 3.0
+BAND_TIME_PRODUCT = 3.0
 
 
 @checks.within_range
@@ -224,19 +224,19 @@ def impact_band(
 
     endless = 1e6  # s
     pulse = assemble_pair(Impact(Obstacle(), impactor, law, endless)).contact_time_estimate
-    return BAND_OVER_PULSE / (2 * pulse)
+    return BAND_TIME_PRODUCT / (2 * pulse)
 
 
-IMPACT = cast("np.dtype[np.void]", np.dtype(library.CImpact))
-OUTCOME = cast("np.dtype[np.void]", np.dtype(library.COutcome))
+IMPACT_DTYPE = cast("np.dtype[np.void]", np.dtype(library.CImpact))
+OUTCOME_DTYPE = cast("np.dtype[np.void]", np.dtype(library.COutcome))
 
 #: Modes times attempted steps between two looks for an interrupt: some 0.05 s.
-_WORK_PER_CALL = 4_000_000
+_MODE_STEPS_PER_CALL = 4_000_000
 #: Least nodes that a call may write.
-_LEAST_NODES = 200_000
+_MIN_NODES = 200_000
 
 
-def _copies(structure: object, kind: np.dtype[np.void], count: int) -> NDArray[np.void]:
+def _copies_of(structure: object, kind: np.dtype[np.void], count: int) -> NDArray[np.void]:
     """`count` copies of a C structure as one array."""
     return np.repeat(np.frombuffer(cast("bytes", structure), kind), count)
 
@@ -258,7 +258,7 @@ class ImpactRows:
             raise InputError("damping that couples modes is integrated one by one.")
         check_span(system, max(durations))
 
-        contacts = _copies(system.packed.contacts, CONTACT_RECORD, count)
+        contacts = _copies_of(system.packed.contacts, CONTACT_RECORD, count)
         contacts["mass"] = self.pair.mass
 
         if any(law is not self.laws[0] for law in self.laws):
@@ -273,7 +273,7 @@ class ImpactRows:
         limits = settings.max_contacts, settings.max_steps
         options = library.COptions(0.0, settings.tol, 0.0, 0.0, 0.0, *limits, 0)
         example = library.CImpact(system.packed.system, options)
-        self.rows = _copies(example, IMPACT, count)
+        self.rows = _copies_of(example, IMPACT_DTYPE, count)
         self.rows["options"]["duration"] = durations
         bodies = self.rows["system"]
         number = np.arange(count)
@@ -300,7 +300,7 @@ class ImpactRows:
         rows = self.rows
         size = self._held[0].omega.size
         space = _Workspace(size)
-        outcomes = np.zeros(len(rows), OUTCOME)
+        outcomes = np.zeros(len(rows), OUTCOME_DTYPE)
         count = c_int64()
         pulses: list[tuple[Array, Array]] = []
         arguments = (
@@ -309,7 +309,7 @@ class ImpactRows:
             library.address(rows),
             library.address(outcomes),
             byref(space.nodes),
-            max(_WORK_PER_CALL // (size + 20), 16),
+            max(_MODE_STEPS_PER_CALL // (size + 20), 16),
             byref(count),
         )
 
@@ -329,7 +329,7 @@ class _Workspace:
         need = library.library.aom_batch_size(size)
         process.require_memory(need, f"an impact with {size} modes", "use fewer of them")
         self.memory = np.empty(-(-need // 16), dtype=np.complex128)
-        node_count = max(library.library.aom_batch_nodes(size), _LEAST_NODES)
+        node_count = max(library.library.aom_batch_nodes(size), _MIN_NODES)
         self.time = np.empty(node_count)
         self.force = np.empty(node_count)
         self.nodes = library.CPulseNodes(

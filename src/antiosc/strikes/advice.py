@@ -32,22 +32,22 @@ from antiosc.impact.bodies import RigidMass, Sphere
 
 #: Highest relevant frequency times the contact time: above it the spectrum of a Hertz pulse is
 #: below a twentieth of its value at 0.
-BAND_TIMES_PULSE = 2.0
+BAND_TIME_PRODUCT = 2.0
 #: A family is used up to this share of the frequency at which it fails.
-TRUSTED_SHARE = 0.5
+TRUSTED_FREQUENCY_SHARE = 0.5
 #: Inelasticity up to which the motion of the part does not change the force (at 0.02 the impactor
 #: keeps 97 % of its velocity on an infinite plate).
 SMALL_INELASTICITY = 0.02
 #: Smallest length over width of a slender beam, and side over thickness of a thin shell.
-SLENDER = 5.0
+MIN_SLENDERNESS = 5.0
 #: Largest contact radius over thickness for a family whose thickness is rigid.
-CONTACT_RATIO = 0.25
+MAX_CONTACT_RADIUS_RATIO = 0.25
 #: Least share of its bounding box that a block, a plate or a bar of solids fills.
-LEAST_FILL = 0.8
+MIN_FILL = 0.8
 #: Elements per wavelength (cubic or quadratic ones).
 ELEMENTS_PER_WAVE = 4.0
 #: Factor of Hertz's contact time, 2.943 δ/v with a rigid partner.
-HERTZ_TIME = 2.9432
+HERTZ_TIME_FACTOR = 2.9432
 
 
 @dataclass(frozen=True)
@@ -122,10 +122,10 @@ def advise(
     speed = checks.positive("the impactor's velocity", impactor.velocity, "m/s")
     stiffness = impactor.hertz(E, nu).stiffness
     depth = (1.25 * impactor.mass * speed**2 / stiffness) ** 0.4
-    time = HERTZ_TIME * depth / speed
+    time = HERTZ_TIME_FACTOR * depth / speed
     reduced = effective_modulus(E, nu, impactor.E, impactor.nu)
     contact = (0.75 * stiffness * depth**1.5 * radius / reduced) ** (1 / 3)
-    frequency = BAND_TIMES_PULSE / time
+    frequency = BAND_TIME_PRODUCT / time
     bending = E * thickness**3 / (12 * (1 - nu**2))
 
     # the inelasticity of an infinite plate: C. Zener, Phys. Rev. 59 (1941) 669
@@ -135,7 +135,11 @@ def advise(
     # a beam holds below the bending of a free strip across it, a shell below its thickness shear
     across = 22.373 / (2 * pi * width**2) * sqrt(bending / (rho * thickness))
     shear = sqrt(E / (2 * (1 + nu)) / rho) / (2 * thickness)
-    limits = {"beam": TRUSTED_SHARE * across, "shell": TRUSTED_SHARE * shear, "solid": np.inf}
+    limits = {
+        "beam": TRUSTED_FREQUENCY_SHARE * across,
+        "shell": TRUSTED_FREQUENCY_SHARE * shear,
+        "solid": np.inf,
+    }
     slender = {"beam": length / width, "shell": sqrt(length * width) / thickness, "solid": np.inf}
 
     reasons = []
@@ -143,10 +147,11 @@ def advise(
         missing_names = []
         if frequency > limit and lam > SMALL_INELASTICITY:
             missing_names.append(f"holds up to {1e-3 * limit:.3g} kHz")
-        if slender[family] < SLENDER:
-            missing_names.append(f"slenderness {slender[family]:.2g} ≤ {SLENDER:g}")
-        if family != "solid" and contact > CONTACT_RATIO * thickness:
-            share = f"{contact / thickness:.2g} ≥ {CONTACT_RATIO:g} of the thickness"  # as rounded
+        if slender[family] < MIN_SLENDERNESS:
+            missing_names.append(f"slenderness {slender[family]:.2g} ≤ {MIN_SLENDERNESS:g}")
+        if family != "solid" and contact > MAX_CONTACT_RADIUS_RATIO * thickness:
+            limit = f"≥ {MAX_CONTACT_RADIUS_RATIO:g} of the thickness"
+            share = f"{contact / thickness:.2g} {limit}"  # as rounded
             missing_names.append(f"contact radius {engineering(contact, 'm')}, {share}")
         if not missing_names:
             break
@@ -170,7 +175,7 @@ def _dimensions_and_material(
         filled = part.mass / (rho * size.prod())
         kind = getattr(part.matrices, "kind", None)
         solid = kind is None or bool(kind.outside)  # an assembly may have some
-        if solid and filled < LEAST_FILL:
+        if solid and filled < MIN_FILL:
             raise InputError(
                 f"the part fills {percent(filled)} of its bounding box, whose sides do not tell "
                 "its thickness: give advise the length, width and thickness at the site."

@@ -1,12 +1,12 @@
 """The one default of each number that a user may leave open, shared by programs, scenes and pages.
 
 - The cells of a geometry: `default_size` of `antiosc.fem.mesh.reading`; at the site of a solid
-  `CELLS_THROUGH` lie through its wall, and none is longer than the ball's radius.
-- The ball has a radius of `BALL_SHARE` times the longest side.
+  `CELLS_THROUGH_THICKNESS` lie through its wall, and none is longer than the ball's radius.
+- The ball has a radius of `BALL_RADIUS_SHARE` times the longest side.
 - The patch of a solid is as small as its facets resolve, and carries the force of the striker on a
   rigid wall, which no part exceeds.
-- The number of anti-oscillators is the first of `COUNTS` whose left-out motions change the force by
-  less than `MOST_TRUNCATION`.
+- The number of anti-oscillators is the first of `OSCILLATOR_COUNTS` whose left-out motions change
+  the force by less than `MAX_TRUNCATION_ERROR`.
 - The duration is doubled until striker and part have parted.
 """
 
@@ -22,7 +22,7 @@ from antiosc.fem.assembly import with_parts
 from antiosc.impact.bodies import Obstacle
 from antiosc.impact.scene import simulate
 from antiosc.impact.truncation import truncation_error
-from antiosc.impact.two_bodies import BAND_OVER_PULSE, impact_band
+from antiosc.impact.two_bodies import BAND_TIME_PRODUCT, impact_band
 from antiosc.models.body import AUTO, AnyLaw, LinearBody, law_of
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.map_sites import resolved_radius
@@ -34,31 +34,31 @@ if TYPE_CHECKING:
     from antiosc.reduce.site.site import Site
 
 #: Cells across the thickness under a site.
-CELLS_THROUGH = 3
+CELLS_THROUGH_THICKNESS = 3
 #: Radius of the ball over the longest side of the part.
-BALL_SHARE = 0.02
+BALL_RADIUS_SHARE = 0.02
 #: Numbers of anti-oscillators. A printed bar of 13.6 × 5 × 100 mm: 40 % with 20, 0.05 % with 80. A
 #: sheet of 85 572 dofs under a ball of 20 mm: 1205, 521, 416 and 407 N with 20, 150, 400 and 800.
-COUNTS = (20, 60, 150, 400)
-MOST_TRUNCATION = 0.1
+OSCILLATOR_COUNTS = (20, 60, 150, 400)
+MAX_TRUNCATION_ERROR = 0.1
 #: Largest product of dofs and anti-oscillators: 3.4e7 took 85 s for this sheet, beside other work.
-MOST_WORK = 8e7
+MAX_DOFS_TIMES_COUNT = 8e7
 #: Expansion points are at this share of the inverse of the contact time, or down to half of it. Of
 #: 1 mm of aluminium under a ball for 41 µs the force was 120 and 36 % off with 60 and 150
 #: anti-oscillators about the static point, 2.5 and 0.2 % with a share of 0.67.
 EXPANSION_SHARE = 0.7
 #: Duration of the run on a rigid wall over the contact time.
-WALL_DURATION = 4.0
+WALL_DURATION_RATIO = 4.0
 
 
 def usual_cell(length: float, thickness: float) -> float:
     """Size [m] of cells at the site of a solid of this length, and thickness there [m]."""
-    return rounded_up(min(BALL_SHARE * length, thickness / CELLS_THROUGH))
+    return rounded_up(min(BALL_RADIUS_SHARE * length, thickness / CELLS_THROUGH_THICKNESS))
 
 
 def usual_ball(length: float) -> float:
     """Radius [m] of the ball that strikes a part whose longest side is `length` [m]."""
-    return float(f"{BALL_SHARE * length:.1g}")
+    return float(f"{BALL_RADIUS_SHARE * length:.1g}")
 
 
 def patch_radius(
@@ -88,19 +88,21 @@ def _carrying_radius(
     face = StructurePlane(structure, surface_at(structure, load.point, load.direction, site.radius))
     law = law_of(contact, face, striker)
 
-    pulse = BAND_OVER_PULSE / (2 * impact_band(striker, law))
-    wall = simulate(Obstacle(), striker, law, duration=WALL_DURATION * pulse)
+    pulse = BAND_TIME_PRODUCT / (2 * impact_band(striker, law))
+    wall = simulate(Obstacle(), striker, law, duration=WALL_DURATION_RATIO * pulse)
     return law.without(load.local_compliance).enough_radius(wall.peak_force, site.radius)
 
 
 def next_count(hit: History) -> int | None:
     """The next number of anti-oscillators; None if the run has enough, or more cost too much."""
     model = hit.model
-    if hit.rerun is None or truncation_error(model, hit.rerun).peak_force <= MOST_TRUNCATION:
+    if hit.rerun is None or truncation_error(model, hit.rerun).peak_force <= MAX_TRUNCATION_ERROR:
         return None
 
     dofs = model.info.dofs or 0
-    return next((n for n in COUNTS if n > model.n and n * dofs <= MOST_WORK), None)
+    return next(
+        (n for n in OSCILLATOR_COUNTS if n > model.n and n * dofs <= MAX_DOFS_TIMES_COUNT), None
+    )
 
 
 def expansion_of(hit: History) -> float:

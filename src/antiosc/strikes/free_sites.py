@@ -20,12 +20,12 @@ from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.reduce.site.map_sites import MapSites, sites_of
 
 #: Number of free modes if neither `modes` nor a band is given.
-FREE_MODES = 20
+DEFAULT_FREE_MODES = 20
 #: Frequency of the last free mode over the band.
 BAND_FACTOR = 1.5
 
 #: What names the sites of a map: surfaces, or points (P, 2 or 3).
-Where: TypeAlias = str | Sequence[str] | Sequence[Sequence[float]] | None
+SiteSelection: TypeAlias = str | Sequence[str] | Sequence[Sequence[float]] | None
 
 log = logging.getLogger(__name__)
 
@@ -47,7 +47,7 @@ class FreeSites:
 def free_sites(
     structure: Structure,
     matrices: MeshedParts,
-    where: Where,
+    where: SiteSelection,
     direction: Sequence[float] | None,
     radius: float | None,
     modes: int | None,
@@ -63,7 +63,7 @@ def free_sites(
     structure.factorize(math.inf)
     count = len(map_sites.sites)
     with doing(f"free modes for {count} sites", rank):
-        free = _free_modes(structure, modes, band, most)
+        free = _lowest_free_modes(structure, modes, band, most)
 
     omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])
     phi = np.column_stack([structure.rigid_modes, free.phi])
@@ -73,10 +73,16 @@ def free_sites(
     return FreeSites(map_sites, omega, phi, b, C, G)
 
 
-def _free_modes(structure: Structure, count: int | None, band: float | None, most: float) -> Modes:
-    """The lowest elastic modes: `count`, or `FREE_MODES` to `most` so that they exceed the band."""
+def _lowest_free_modes(
+    structure: Structure, count: int | None, band: float | None, most: float
+) -> Modes:
+    """The lowest elastic modes: `count`, or as many, from `DEFAULT_FREE_MODES` to `most`, as exceed
+    the band.
+    """
     most = min(most, structure.dofs)
-    mode_count = min(FREE_MODES if count is None else whole("modes", count), structure.dofs - 1)
+    mode_count = min(
+        DEFAULT_FREE_MODES if count is None else whole("modes", count), structure.dofs - 1
+    )
     reach = 0.0 if band is None or count is not None else BAND_FACTOR * band
     modes = ModeSolver(structure).lowest(
         mode_count, lambda m: m.omega.max(initial=0.0) >= reach, most

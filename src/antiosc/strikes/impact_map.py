@@ -40,8 +40,8 @@ from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.impact.batch import simulate_many
 from antiosc.impact.bodies import Obstacle
 from antiosc.impact.from_rest import peak_deflections
-from antiosc.impact.histories.linear_theory import beyond_theory
-from antiosc.impact.histories.verdict import CONTACT_RADII
+from antiosc.impact.histories.linear_theory import beyond_theory_text
+from antiosc.impact.histories.verdict import PLASTIC_ZONE_RADII
 from antiosc.impact.scene import simulate_impact
 from antiosc.impact.settings import Settings
 from antiosc.impact.two_bodies import Impact
@@ -67,12 +67,12 @@ from antiosc.reduce.site.surface import StructurePlane, surface_at
 from antiosc.strikes.free_sites import BAND_FACTOR, FreeSites, free_sites
 from antiosc.strikes.map_results import (
     ImpactMap,
-    doubted,
-    excited_by,
+    excited_band,
     hardest,
     left_out_text,
     low_band,
     spread_sites,
+    with_doubts,
 )
 from antiosc.strikes.map_stresses import largest_stresses
 
@@ -80,17 +80,17 @@ log = logging.getLogger(__name__)
 
 
 #: Default band over the last free frequency, if neither a band nor an impactor is given.
-BAND_SHARE = 0.5
+DEFAULT_BAND_SHARE = 0.5
 #: Most free modes if the impact determines the band.
-MOST_MODES = 100
+MAX_MODES = 100
 #: Numbers of anti-oscillators that are tried if `n` is not given.
-COUNTS = (12, 25, 50, 100)
+OSCILLATOR_COUNTS = (12, 25, 50, 100)
 #: A site is doubtful if its force exceeds that on a rigid wall by this share.
 WALL_MARGIN = 0.003
 #: Tolerance of the impact on the wall.
 WALL_TOL = 1e-3
 #: Mean pressure of a contact that yields all over, over the yield strength (Tabor).
-FULLY_PLASTIC = 2.8
+FULLY_PLASTIC_PRESSURE_RATIO = 2.8
 
 
 @collective()
@@ -183,8 +183,8 @@ def impact_map(
     law = None
     if impactor is not None:
         law = on_plane(structure, impactor, AUTO if contact is None else contact)
-    excited = excited_by(impactor, law) if band is None and modes is None else None
-    counts = (COUNTS[0],) if excited is None else COUNTS
+    excited = excited_band(impactor, law) if band is None and modes is None else None
+    counts = (OSCILLATOR_COUNTS[0],) if excited is None else OSCILLATOR_COUNTS
     if n is not None:
         counts = (whole("n", n),)
 
@@ -196,7 +196,7 @@ def impact_map(
         radius,
         modes,
         band or excited,
-        math.inf if excited is None else MOST_MODES,
+        math.inf if excited is None else MAX_MODES,
         most_sites,
     )
     map_sites = sites_seen.map_sites
@@ -204,15 +204,15 @@ def impact_map(
     sites = map_sites.sites
     if excited is not None:
         band = min(excited, float(omega[-1]) / BAND_FACTOR)
-    band = BAND_SHARE * float(omega[-1]) if band is None else band
+    band = DEFAULT_BAND_SHARE * float(omega[-1]) if band is None else band
     if band >= omega[-1]:
         raise InputError(
-            f"the band {_hz_text(band)} must end below the last of {len(omega)} free modes,"
-            f" {_hz_text(omega[-1])}: ask for more modes, or lower the band, which is in Hz."
+            f"the band {_frequency_text(band)} must end below the last of {len(omega)} free modes,"
+            f" {_frequency_text(omega[-1])}: ask for more modes, or lower the band, which is in Hz."
         )
 
     with doing(f"models of {len(sites)} sites", structure.comm.rank):
-        models, error = _reduced(sites_seen, counts, structure.shift, band, accuracy)
+        models, error = _reduced_sites(sites_seen, counts, structure.shift, band, accuracy)
 
     result = ImpactMap(
         points=sites.points,
@@ -228,7 +228,7 @@ def impact_map(
         cell_dimension=map_sites.dimension,
     )
     for reason, is_doubtful in doubtful_patches(sites).items():
-        result = doubted(result, is_doubtful, reason)
+        result = with_doubts(result, is_doubtful, reason)
     on_root(structure.comm, partial(_warn_of_sites, result, accuracy))
     if impactor is None or law is None or duration is None:
         on_root(structure.comm, partial(_warn_of_impacts, result, None))
@@ -236,11 +236,11 @@ def impact_map(
 
     laws = None
     if not with_law:
-        laws, doubts = _laws(structure, result, impactor, law)
+        laws, doubts = _laws_and_exceptions(structure, result, impactor, law)
         for reason, is_doubtful in doubts.items():
-            result = doubted(result, is_doubtful, reason)
+            result = with_doubts(result, is_doubtful, reason)
 
-    result_map = _struck(structure, result, impactor, law, laws, duration)
+    result_map = _with_impacts(structure, result, impactor, law, laws, duration)
     result_map = replace(result_map, free_sites=sites_seen)
     if stress:
         result_map = with_stresses(structure, result_map, None if stress is True else stress)
@@ -254,7 +254,7 @@ def on_plane(structure: Structure, impactor: LinearBody | None, contact: AnyLaw)
     return law_of(contact, StructurePlane(structure), impactor)
 
 
-def _laws(
+def _laws_and_exceptions(
     structure: Structure, impact_map: ImpactMap, impactor: LinearBody, plane: ContactLaw
 ) -> tuple[list[ContactLaw], dict[str, BoolArray]]:
     """(laws of the P sites, reason -> mask (P,) of sites whose impact does not follow its law)."""
@@ -284,12 +284,12 @@ def _laws(
     return laws, {EDGE_STRUCK: sharp, NARROW_HOLLOW: hollow, PIERCED_PART: pierced}
 
 
-def _hz_text(omega: float) -> str:
+def _frequency_text(omega: float) -> str:
     """A circular frequency [rad/s] as text in Hz."""
     return engineering(omega / (2 * math.pi), "Hz")
 
 
-def _reduced(
+def _reduced_sites(
     sites: FreeSites, counts: Sequence[int], shift: float, band: float, accuracy: float
 ) -> tuple[SiteModels, Array]:
     """Models of the sites with the fewest anti-oscillators that meet `accuracy`.
@@ -340,14 +340,14 @@ def _warn_of_impacts(result: ImpactMap, thickness: float | None) -> None:
     ):
         i = hardest(result, values=result.peak_deflection)
         largest = float(result.peak_deflection[i])
-        if far := beyond_theory("structure", largest, thickness, False):
+        if far := beyond_theory_text("structure", largest, thickness, False):
             sentences.append(f"a blow at {placed(result.points[i])}: {far}")
 
     for sentence in filter(None, sentences):
         warn(sentence, AccuracyWarning)
 
 
-def _struck(
+def _with_impacts(
     structure: Structure,
     result: ImpactMap,
     impactor: LinearBody,
@@ -387,8 +387,8 @@ def _struck(
     wall = Impact(Obstacle(), impactor, stiffest, duration)
     on_wall = simulate_impact(wall, Settings(WALL_TOL)).peak_force
     peaks = gathered("peak_force")
-    result = doubted(result, np.isnan(peaks), NO_RESULT)
-    result = doubted(result, peaks > (1 + WALL_MARGIN) * on_wall, BEYOND_WALL)
+    result = with_doubts(result, np.isnan(peaks), NO_RESULT)
+    result = with_doubts(result, peaks > (1 + WALL_MARGIN) * on_wall, BEYOND_WALL)
 
     return replace(
         result,
@@ -417,7 +417,7 @@ def with_stresses(structure: Structure, struck: ImpactMap, most: int | None) -> 
         assert struck.peak_force is not None
         laws = struck.laws or (struck.contact,) * len(struck)
         radii = [*map(_yielding_radius, laws, struck.peak_force.tolist())]
-        zones = CONTACT_RADII * np.array(radii)
+        zones = PLASTIC_ZONE_RADII * np.array(radii)
 
     balls = np.column_stack([struck.points, zones])
     arguments = forces, struck.duration, which, balls
@@ -430,5 +430,5 @@ def _yielding_radius(law: ContactLaw | None, force: float) -> float:
     if not isinstance(law, ElasticPlastic) or not law.yield_force < force:
         return 0.0
     hertz = (force * law.radius**1.5 / law.stiffness) ** (1 / 3)
-    plastic = math.sqrt(force / (math.pi * FULLY_PLASTIC * law.yield_strength))
+    plastic = math.sqrt(force / (math.pi * FULLY_PLASTIC_PRESSURE_RATIO * law.yield_strength))
     return float(max(hertz, plastic))

@@ -19,7 +19,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import CompletedResult, engineering, point_text, range_text
 from antiosc.engine.contact import ContactLaw
 from antiosc.fields.pictures import plot_map
-from antiosc.impact.from_rest import Force
+from antiosc.impact.from_rest import ForceSeries
 from antiosc.impact.two_bodies import impact_band
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import EDGE_STRUCK, REMEDIES, LinearBody, ModelInfo
@@ -89,7 +89,7 @@ class ImpactMap(CompletedResult):
     contact: ContactLaw | None = None
     laws: Sequence[ContactLaw] | None = None
     duration: float | None = None
-    forces: Sequence[Force] | None = None
+    forces: Sequence[ForceSeries] | None = None
     free_sites: FreeSites | None = None
 
     def __post_init__(self) -> None:
@@ -231,10 +231,10 @@ class ImpactMap(CompletedResult):
 
 
 #: Of a map whose sites are all doubtful.
-NONE_SOUND = "No site is free of doubts"
+NO_RELIABLE_SITE = "No site is free of doubts"
 
 
-def doubted(impact_map: ImpactMap, which: BoolArray, reason: str) -> ImpactMap:
+def with_doubts(impact_map: ImpactMap, which: BoolArray, reason: str) -> ImpactMap:
     """The map with further doubtful sites, a mask (P,), and their reason if they have none yet."""
     reasons = np.where(which & ~impact_map.doubtful, reason, impact_map.reasons)
     return replace(impact_map, doubtful=impact_map.doubtful | which, reasons=reasons)
@@ -256,7 +256,7 @@ def left_out_text(impact_map: ImpactMap) -> str:
 
     text = f"Left out of the ranges of {len(impact_map)} sites are {doubts_text(impact_map)}"
     if impact_map.doubtful.all():
-        text = f"{NONE_SOUND}: the ranges are those of {doubts_text(impact_map)}"
+        text = f"{NO_RELIABLE_SITE}: the ranges are those of {doubts_text(impact_map)}"
 
     reasons, counts = np.unique(impact_map.reasons[impact_map.doubtful], return_counts=True)
     reason = str(reasons[np.argmax(counts)])
@@ -301,7 +301,7 @@ def spread_sites(impact_map: ImpactMap, most: int) -> IntArray:
     return np.sort(sites[taken])
 
 
-def excited_by(impactor: LinearBody | None, contact: ContactLaw | None) -> float | None:
+def excited_band(impactor: LinearBody | None, contact: ContactLaw | None) -> float | None:
     """The band [rad/s] that the impact of a moving impactor excites."""
     if impactor is None or contact is None or not getattr(impactor, "velocity", 0.0) > 0:
         return None
@@ -310,7 +310,7 @@ def excited_by(impactor: LinearBody | None, contact: ContactLaw | None) -> float
 
 def low_band(result: ImpactMap) -> str:
     """Sentence if the blow excites frequencies above the band of the map's models; else ""."""
-    excited = excited_by(result.impactor, result.contact)
+    excited = excited_band(result.impactor, result.contact)
     if excited is None or 2 * math.pi * result.band >= excited:
         return ""
 

@@ -14,7 +14,7 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.platform import on_root
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.margin import is_within
-from antiosc.impact.from_rest import Force, motions
+from antiosc.impact.from_rest import ForceSeries, motions_from_rest
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors, Place, place
 
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 #: Sites whose static deflections are solved for together.
 SITES_AT_ONCE = 16
 #: Phase of the last mode between two sample times [rad]: they miss at most 2 % of its peak, 1 −
-#: cos(PHASE/2).
-PHASE = 0.4
+#: cos(SAMPLE_PHASE/2).
+SAMPLE_PHASE = 0.4
 #: Least and largest number of sample times over the run.
-TIMES = (200, 3000)
+TIME_COUNT_LIMITS = (200, 3000)
 #: Tensors times times whose stresses are evaluated at once, to fit the cache.
 VALUES_AT_ONCE = 200_000
 #: Relative rounding of the bounds in single precision.
-ROUNDING = 1e-3
+BOUND_ROUNDING = 1e-3
 
 
-class Stresses(NamedTuple):
+class MapStresses(NamedTuple):
     """The fields `peak_stress`, `exposure` and `stress_points` of an `ImpactMap`."""
 
     peak_stress: Array
@@ -57,11 +57,11 @@ class _ShapeStresses(NamedTuple):
 def largest_stresses(
     structure: Structure,
     sites: FreeSites,
-    forces: list[Force],
+    forces: list[ForceSeries],
     duration: float,
     which: IntArray,
     balls: Array,
-) -> Stresses:
+) -> MapStresses:
     """The largest stresses in impacts at the sites `which`; NaN at the others, on every rank.
 
     `balls` (P, 4): x, y, z and radius [m] of what is left out for the impact at each site.
@@ -99,7 +99,7 @@ def largest_stresses(
         of_all[which] = column
     values, points, exposure = at_all
 
-    return Stresses(values, None if np.isnan(exposure).all() else exposure, points)
+    return MapStresses(values, None if np.isnan(exposure).all() else exposure, points)
 
 
 def sides(structure: Structure) -> list[Place]:
@@ -123,7 +123,7 @@ def _stresses_of_sites(
     residual_stresses: _ShapeStresses,
     omega: Array,
     b: Array,
-    site_forces: list[Force],
+    site_forces: list[ForceSeries],
     duration: float,
     balls: Array,
 ) -> Iterator[tuple[float, Array, float]]:
@@ -133,10 +133,12 @@ def _stresses_of_sites(
     the modes; balls : (S, 4) what is left out.
     """
     count = len(site_forces)
-    steps = np.full(count, int(np.clip(np.ceil(duration * omega[-1] / PHASE), *TIMES)))
+    steps = np.full(
+        count, int(np.clip(np.ceil(duration * omega[-1] / SAMPLE_PHASE), *TIME_COUNT_LIMITS))
+    )
     durations = np.full(count, duration)
     omega = np.broadcast_to(omega, b.shape)
-    run = list(motions(omega, b, np.zeros_like(b), site_forces, durations, steps))
+    run = list(motions_from_rest(omega, b, np.zeros_like(b), site_forces, durations, steps))
     q, F = (np.array([step[k] for step in run], np.float32) for k in (1, 2))
     columns = np.concatenate([modes.modes, residual_stresses.modes[:, :, :1]], axis=2)
     for i in range(count):
@@ -158,14 +160,14 @@ def _largest_stress(columns: Array, x: Array, weights: Array) -> tuple[float, in
 
     Tensors are evaluated in the order of a bound on them, until it is below the largest stress.
     """
-    rotated, y, bounds = _rotated(columns, x)
+    rotated, y, bounds = _principal_rotation(columns, x)
     bounds *= weights
     order = np.argsort(-bounds)
     at_once = max(VALUES_AT_ONCE // len(y), 1)
     most, at = -1.0, 0
     for first in range(0, len(order), at_once):
         block = order[first : first + at_once]
-        if bounds[block[0]] * (1 + ROUNDING) <= most:
+        if bounds[block[0]] * (1 + BOUND_ROUNDING) <= most:
             break
         stress = (rotated[block].reshape(-1, rotated.shape[2]) @ y.T).reshape(len(block), 5, -1)
         largest = np.sqrt(np.einsum("spn,spn->sn", stress, stress).max(axis=1)) * weights[block]
@@ -175,7 +177,7 @@ def _largest_stress(columns: Array, x: Array, weights: Array) -> tuple[float, in
     return most, at
 
 
-def _rotated(columns: Array, x: Array) -> tuple[Array, Array, Array]:
+def _principal_rotation(columns: Array, x: Array) -> tuple[Array, Array, Array]:
     """Rotate columns and factors of `_largest_stress` to principal factors.
 
     A few of these make up most of a run, so that they bound it closely. Returns both, and bounds

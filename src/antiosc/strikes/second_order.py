@@ -16,15 +16,15 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
 from antiosc.impact.histories.linear_theory import (
-    EXPLICIT,
-    THIRD_ORDER_DEFLECTION,
-    deflection,
-    deflects,
+    EXPLICIT_REMEDY,
+    THIRD_ORDER_DEFLECTION_RATIO,
+    deflection_text,
     large_deflection_message,
+    largest_deflection,
     may_stretch,
-    sheets,
+    sheets_of_run,
 )
-from antiosc.impact.stretching import shares_of
+from antiosc.impact.stretching import stretch_shares_of
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import info_of
 from antiosc.models.stretch import MOST_MODES
@@ -32,24 +32,24 @@ from antiosc.reduce.extraction.stretching import second_order_energies, with_str
 
 H = TypeVar("H", bound=History)
 #: Simulates the impact on a model.
-Run = Callable[[AntiOscillators], H]
+RunOnModel = Callable[[AntiOscillators], H]
 #: The models with second-order forces by the models without them, as long as these are in use: the
 #: forces are the same for every striker, and take longer than the impact.
-_WITH_STRETCH: WeakKeyDictionary[AntiOscillators, AntiOscillators] = WeakKeyDictionary()
+_STRETCHED_MODELS: WeakKeyDictionary[AntiOscillators, AntiOscillators] = WeakKeyDictionary()
 #: Energy of second-order strain over the linear one up to which a solid is taken as linear: runs
 #: with more and more motions of solids scatter by more than what these change.
-SLIGHT_ENERGY = 0.05
+SLIGHT_ENERGY_RATIO = 0.05
 #: The same from which no run with it is tried: a clamped disc whose linear run has it at 9.5
 #: thicknesses would deflect by 4.2.
-HOPELESS = 20.0
+HOPELESS_ENERGY_RATIO = 20.0
 #: Error of the force by second-order forces, over the force, above which they ran away: a clip of
 #: 0.2 mm had 5.49 N with 18 motions, 0.19 N with 12 and 0.15 N with 2.
-MOST_SHARE = 1.0
+MAX_STRETCH_ERROR = 1.0
 #: Times until the last parting at which the deflection is compared.
-SAMPLES = 400
+DEFLECTION_SAMPLES = 400
 
 
-def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
+def simulated(structure: Structure, model: AntiOscillators, run: RunOnModel[H]) -> H:
     """The impact on a model of a structure, with second-order forces if they matter."""
     linear, told = _run_with_warnings(run, model)
     hit = linear
@@ -61,7 +61,7 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
     return hit
 
 
-def _run_with_warnings(run: Run[H], model: AntiOscillators) -> tuple[H, list[str]]:
+def _run_with_warnings(run: RunOnModel[H], model: AntiOscillators) -> tuple[H, list[str]]:
     """The impact on a model, and the texts of its warnings."""
     told: list[str] = []
     with warnings_to(told.append):
@@ -69,7 +69,7 @@ def _run_with_warnings(run: Run[H], model: AntiOscillators) -> tuple[H, list[str
 
 
 def _run_of_either_order(
-    structure: Structure, model: AntiOscillators, run: Run[H], linear: H, told: list[str]
+    structure: Structure, model: AntiOscillators, run: RunOnModel[H], linear: H, told: list[str]
 ) -> tuple[H, list[str]]:
     """The linear run, or one with second-order forces if they matter, and its warnings.
 
@@ -77,15 +77,15 @@ def _run_of_either_order(
     """
     solid = _is_solid(structure)
     is_far = any(
-        deflection(linear, name) > THIRD_ORDER_DEFLECTION * h
-        for name, h in sheets(linear, held=True)
+        largest_deflection(linear, name) > THIRD_ORDER_DEFLECTION_RATIO * h
+        for name, h in sheets_of_run(linear, held=True)
     )
-    energy = energy_of_second_order(structure, linear) if solid or is_far else inf
-    if solid and energy <= SLIGHT_ENERGY:
+    energy = second_order_energy_ratio(structure, linear) if solid or is_far else inf
+    if solid and energy <= SLIGHT_ENERGY_RATIO:
         linear.assembly.stretch_left_out = energy
         return linear, told
 
-    if not HOPELESS < energy < inf:
+    if not HOPELESS_ENERGY_RATIO < energy < inf:
         try:
             stretched, told_stretched = _run_with_warnings(run, stretching(structure, model))
         except InputError:  # of a given step or another method: the linear run tells
@@ -93,16 +93,17 @@ def _run_of_either_order(
         if not stretched.assembly.stretched:
             return linear, told
         settled = stretched.assembly.stretch_settled
-        settles = settled or shares_of(stretched)["peak_force"] <= MOST_SHARE
+        settles = settled or stretch_shares_of(stretched)["peak_force"] <= MAX_STRETCH_ERROR
         if settles and stretched.status != STOPPED:
             return stretched, told_stretched
 
-    moved = [(name, deflection(linear, name), h) for name, h in sheets(linear)]
-    far = deflects(*max(moved, key=lambda sheet: sheet[1] / sheet[2]))
+    moved = [(name, largest_deflection(linear, name), h) for name, h in sheets_of_run(linear)]
+    far = deflection_text(*max(moved, key=lambda sheet: sheet[1] / sheet[2]))
     text = (
-        f"{far} in the linear run, where second-order strain takes more than {HOPELESS:g} times the"
-        " energy of linear strain or its forces do not settle: neither theory holds, and no number"
-        f" here does. The part is stiffer than that; {EXPLICIT}."
+        f"{far} in the linear run, where second-order strain takes more than"
+        f" {HOPELESS_ENERGY_RATIO:g} times the energy of linear strain or its forces do not settle:"
+        " neither theory holds, and no number"
+        f" here does. The part is stiffer than that; {EXPLICIT_REMEDY}."
     )
     linear.assembly.hopeless = text
 
@@ -116,22 +117,22 @@ def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
     """The model with second-order forces, computed once; the model itself if it has none."""
     if model.stretch is not None or info_of(model).thickness is None:
         return model
-    if model not in _WITH_STRETCH:
+    if model not in _STRETCHED_MODELS:
         try:
-            _WITH_STRETCH[model] = with_stretch(structure, model, "auto", MOST_MODES)
+            _STRETCHED_MODELS[model] = with_stretch(structure, model, "auto", MOST_MODES)
         except InputError:  # of a part that has none
             return model
-    return _WITH_STRETCH[model]
+    return _STRETCHED_MODELS[model]
 
 
-def energy_of_second_order(structure: Structure, linear: History) -> float:
+def second_order_energy_ratio(structure: Structure, linear: History) -> float:
     """Largest ratio of second-order to linear strain energy in a linear run; inf if unknown."""
     body = linear.model.free_modes
     if body.shape is None or not linear.contacts:
         return inf
     contact = max(linear.contact_histories, key=lambda contact: contact.peak_force)
     at_peak = contact.time[int(np.argmax(contact.force))]
-    times = np.append(np.linspace(0.0, contact.contacts[-1][1], SAMPLES), at_peak)
+    times = np.append(np.linspace(0.0, contact.contacts[-1][1], DEFLECTION_SAMPLES), at_peak)
 
     amplitudes = linear.states(times)[0][:, linear.assembly.spans["structure"]]
     deflected = int(np.argmax(np.abs(amplitudes[:-1] @ body.B).max(axis=1)))

@@ -32,11 +32,11 @@ from antiosc.strikes import second_order
 H = TypeVar("H")
 
 #: Most rounds of smaller cells, and most places of a round.
-MOST_ROUNDS, MOST_PLACES = 4, 5
+MAX_ROUNDS, MAX_PLACES = 4, 5
 #: Least and largest ratio of new to old sizes of cells, and the share of the tolerance aimed at.
-FINEST, COARSEST, AIM_SHARE = 0.2, 0.5, 0.7
+MIN_SIZE_RATIO, MAX_SIZE_RATIO, AIMED_TOL_SHARE = 0.2, 0.5, 0.7
 #: Power of the size by which the jumps of the stress fall in quadratic cells.
-JUMP_POWER = 2.0
+STRESS_JUMP_POWER = 2.0
 #: Growth of the sizes around a place. With 0.35, as at sites, a place brought 15 000 dofs to a part
 #: of 17 000, with 0.6 8 000 and with 1 4 000; the bar became no wider: 28, 24 and 17 %.
 GROWTH = 1.0
@@ -45,11 +45,11 @@ GROWTH = 1.0
 MOST_COST, FEW_DOFS, COST_POWER = 3.0, 14_000, 1.5
 
 #: Makes the part with smaller cells at places.
-Finer = Callable[[Sequence[Refinement]], Structure]
+MakeFiner = Callable[[Sequence[Refinement]], Structure]
 
 
 @dataclass(frozen=True)
-class Stressed:
+class StressResult:
     """The stress fields of a blow, with the part and the history on the mesh of the last round."""
 
     fields: dict[str, Any]  # quantity -> PeakField
@@ -81,17 +81,17 @@ def closed(
     hit: H,
     structure: Structure,
     tol: float,
-    finer: Finer,
+    finer: MakeFiner,
     struck: Callable[[Structure], H],
     fields: Callable[[Structure, H], Mapping[str, PeakField]],
-) -> Stressed:
+) -> StressResult:
     """The stress fields with a bar of at most `tol` by the mesh, or the reason for a larger one.
 
     hit, structure : the impact, or fall, on the first mesh; finer : makes the part with smaller
     cells; struck : repeats the impact on it; fields : computes the stress fields.
     """
     started = time.perf_counter()
-    known = Stressed(dict(fields(structure, hit)), structure, hit)
+    known = StressResult(dict(fields(structure, hit)), structure, hit)
     refine: list[Refinement] = []
     cost = 0.0
     why = ""
@@ -100,12 +100,12 @@ def closed(
         """Cost of a further mesh over that of the force."""
         return float((dofs / max(structure.dofs, FEW_DOFS)) ** COST_POWER)
 
-    for rounds in range(MOST_ROUNDS + 1):
-        wanted = on_root(structure.comm, partial(_wanted, known.fields, tol))
+    for rounds in range(MAX_ROUNDS + 1):
+        wanted = on_root(structure.comm, partial(_wanted_refinements, known.fields, tol))
         if not wanted:
             break
-        if rounds == MOST_ROUNDS:
-            why = f"{MOST_ROUNDS} rounds of smaller cells leave it wider"
+        if rounds == MAX_ROUNDS:
+            why = f"{MAX_ROUNDS} rounds of smaller cells leave it wider"
             break
         refine += wanted
 
@@ -126,7 +126,7 @@ def closed(
             except (InputError, MeshError) as error:
                 why = str(error)
                 break
-            known = Stressed(dict(fields(part, again)), part, again, rounds + 1)
+            known = StressResult(dict(fields(part, again)), part, again, rounds + 1)
 
     spent = time.perf_counter() - started
     return _with_sentence(replace(known, seconds=spent, why=why), hit, tol)
@@ -145,17 +145,17 @@ def divided(structure: Structure, refine: Sequence[Refinement]) -> Structure:
 
 def struck_again(hit: History, structure: Structure, model: AntiOscillators) -> History:
     """The same blow on the model of another mesh, by the same law."""
-    return second_order.simulated(structure, model, partial(_again, hit))
+    return second_order.simulated(structure, model, partial(_impact_on_model, hit))
 
 
-def _again(hit: History, model: AntiOscillators) -> History:
+def _impact_on_model(hit: History, model: AntiOscillators) -> History:
     """The same blow on another model, by the same law."""
     if hit.named:
         return hit.again(model={"structure": model})
     return hit.again(model=model, law=hit.law)
 
 
-def bar(field: PeakField) -> tuple[float, float]:
+def stress_bar(field: PeakField) -> tuple[float, float]:
     """Relative errors (below, above) of the largest stress that counts, by the mesh."""
     values, errors, counts = _values_errors_counts(field)
     largest = float(values[counts].max(initial=0.0))
@@ -173,35 +173,35 @@ def _values_errors_counts(field: PeakField) -> tuple[np.ndarray, np.ndarray, np.
     return field.values, errors, counts
 
 
-def _wanted(fields: dict[str, PeakField], tol: float) -> list[Refinement]:
+def _wanted_refinements(fields: dict[str, PeakField], tol: float) -> list[Refinement]:
     """Places where the cells must become smaller, with their new sizes [m]."""
     wanted: list[Refinement] = []
     for field in fields.values():
         cells = None if field.worst_point is None else field.worst_point.cells
         if cells is not None:
             wanted.append((cells[0], cells[1], GROWTH))
-        if max(bar(field)) > tol or cells is not None:
+        if max(stress_bar(field)) > tol or cells is not None:
             wanted += _refinements(field, tol)
     # the size by the error of a place replaces that by its margin
-    return list({tuple(place[0]): place for place in wanted}.values())[:MOST_PLACES]
+    return list({tuple(place[0]): place for place in wanted}.values())[:MAX_PLACES]
 
 
 def _refinements(field: PeakField, tol: float) -> list[Refinement]:
-    """At most `MOST_PLACES` refinements, where an upper bound exceeds the largest lower one."""
+    """At most `MAX_PLACES` refinements, where an upper bound exceeds the largest lower one."""
     values, errors, counts = _values_errors_counts(field)
     values = np.where(counts, values, 0.0)
     errors = np.where(counts, errors, 0.0)
     upper = values + errors
-    allowed = (1 + AIM_SHARE * tol) * float(values.max())
+    allowed = (1 + AIMED_TOL_SHARE * tol) * float(values.max())
     open_to = upper > (values - errors).max()
 
     # one place for the cells that meet there
     sizes = sizes_at_nodes(field.points, field._cells)
     places: list[Refinement] = []
-    while open_to.any() and len(places) < MOST_PLACES:
+    while open_to.any() and len(places) < MAX_PLACES:
         k = int(np.argmax(np.where(open_to, upper, 0.0)))
-        ratio = ((allowed - values[k]) / errors[k]) ** (1 / JUMP_POWER)
-        size = float(sizes[k] * np.clip(ratio, FINEST, COARSEST))
+        ratio = ((allowed - values[k]) / errors[k]) ** (1 / STRESS_JUMP_POWER)
+        size = float(sizes[k] * np.clip(ratio, MIN_SIZE_RATIO, MAX_SIZE_RATIO))
         places.append((tuple(field.points[k].tolist()), size, GROWTH))
         distance = np.linalg.norm(field.points - field.points[k], axis=1)
         open_to &= distance > sizes[k]
@@ -209,7 +209,7 @@ def _refinements(field: PeakField, tol: float) -> list[Refinement]:
     return places
 
 
-def _with_sentence(stressed: Stressed, hit: Any, tol: float) -> Stressed:
+def _with_sentence(stressed: StressResult, hit: Any, tol: float) -> StressResult:
     """`stressed` with a sentence on rounds, cells and seconds in each field; `hit`: first mesh."""
     told = ""
     force = 0.0 if getattr(hit, "named", False) else hit.peak_force
@@ -219,10 +219,10 @@ def _with_sentence(stressed: Stressed, hit: Any, tol: float) -> Stressed:
 
     fields = {}
     for name, field in stressed.fields.items():
-        low, high = bar(field)
+        low, high = stress_bar(field)
         cells = sum(len(numbers) for _, numbers in field._cells)
         sentence = (
-            f"{stressed.rounds} of at most {MOST_ROUNDS} rounds of smaller cells, "
+            f"{stressed.rounds} of at most {MAX_ROUNDS} rounds of smaller cells, "
             f"{cells} cells, {stressed.seconds:.0f} s: +{percent(high)} −{percent(low)} "
             f"by the mesh{told}"
         )

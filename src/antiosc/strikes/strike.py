@@ -37,9 +37,9 @@ from antiosc.fem.prestress import Prestress
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.impact.bodies import RigidMass, Sphere
-from antiosc.impact.error_budget import SAFETY, TRIANGLES, amplitudes
+from antiosc.impact.error_budget import SAFETY, TRIANGLE_FACTOR, amplitude_products
 from antiosc.impact.histories import History, with_model
-from antiosc.impact.histories.bars import ErrorBudget, changes, with_floor
+from antiosc.impact.histories.bars import ErrorBudget, relative_changes, with_floor
 from antiosc.impact.scene import simulate
 from antiosc.io.isolation import Refinement
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -55,41 +55,41 @@ from antiosc.strikes.advice import advise
 
 #: Goal of the whole budget over the tolerance; below 1, since estimates of the next mesh may be
 #: low.
-AIM = 0.8
+AIMED_TOL_SHARE = 0.8
 #: Least share of the tolerance that is left for the mesh.
-LEAST_ROOM = 0.05
+MIN_MESH_SHARE = 0.05
 #: Largest goal of a further mesh over the present error: a smaller step is not worth a mesh.
-MOST_GOAL_RATIO = 0.8
+MAX_GOAL_RATIO = 0.8
 #: Factor by which the goal of each further mesh is lowered, since the previous one missed it.
 GOAL_FACTOR = 0.6
 #: Size of the cells of the first mesh over the thickness of the part and the degree.
-FIRST_SIZE = 1.5
+INITIAL_SIZE_RATIO = 1.5
 #: Sizes of the cells of a first mesh of a shell on the diagonal of the part.
-CELLS_OF_SHEET = 10
+CELLS_ALONG_DIAGONAL = 10
 #: Most meshes.
-MOST_MESHES = 12
+MAX_MESHES = 12
 #: Largest growth of the number of cells from one mesh to the next: sizes halved in space.
-GROWTH = 8.0
+MAX_CELL_GROWTH = 8.0
 #: Power of the number of dofs by which seconds grow, by dimension.
-SECONDS_POWER = {1: 1.0, 2: 1.2, 3: 1.5}
+SECONDS_DOF_POWER = {1: 1.0, 2: 1.2, 3: 1.5}
 #: Bytes of a factor over a power of the number of dofs, which includes a logarithm in the plane,
 #: and this power; by dimension.
 FACTOR_BYTES = {1: 200.0, 2: 400.0, 3: 240.0}
-FACTOR_POWER = {1: 1.0, 2: 1.1, 3: 4 / 3}
+FACTOR_DOF_POWER = {1: 1.0, 2: 1.1, 3: 4 / 3}
 #: Share of the tolerance for the truncation, …
 TRUNCATION_SHARE = 0.2
 #: … and for the time steps, which cost least; the mesh gets the rest.
 TIME_SHARE = 0.05
 #: Least tolerance of the time integration.
-FINEST_TIME = 1e-6
+MIN_TIME_TOL = 1e-6
 #: Largest tolerance of the time integration.
-COARSEST_TIME = 1e-3
+MAX_TIME_TOL = 1e-3
 #: First number of anti-oscillators.
-FIRST_N = 20
+INITIAL_COUNT = 20
 #: Largest number of anti-oscillators.
-MOST_N = 300
+MAX_COUNT = 300
 #: Least part of |weights| that a direction of amplitudes adds to the errors of cells.
-NEGLIGIBLE = 1e-8
+NEGLIGIBLE_WEIGHT = 1e-8
 
 
 #: Simulates the impact on a model to a tolerance.
@@ -167,7 +167,7 @@ def strike(
     def run(model: AntiOscillators, error: float) -> History:
         return simulate(model, impactor, contact, duration, tol=error, **blow)
 
-    return struck(
+    return strike_to_tolerance(
         source,
         site,
         impactor,
@@ -182,7 +182,7 @@ def strike(
     )
 
 
-def struck(
+def strike_to_tolerance(
     source: str | Path | Mesh | Structure,
     site: Site,
     impactor: LinearBody,
@@ -192,7 +192,7 @@ def struck(
     supports: Sequence[Support],
     order: int,
     limit: float | None,
-    report: Seen | None = None,
+    report: ReportAnswer | None = None,
     prestress: Prestress | None = None,
     asked: float | None = None,
     stress_tol: float | None = None,
@@ -214,7 +214,7 @@ def struck(
     material = _material_of(source, material, supports, prestress)
 
     if isinstance(source, Structure):
-        result = answered(source, site, run, tol, FIRST_N)
+        result = answer_on_mesh(source, site, run, tol, INITIAL_COUNT)
         if report is not None:
             report(result, site)
         reason = (
@@ -223,7 +223,7 @@ def struck(
             else "The structure was used as it is: give its mesh, material and supports, and the "
             "mesh is refined."
         )
-        hit = _finished(result, tol, asked, [record(result)], reason)
+        hit = _finished_history(result, tol, asked, [mesh_record(result)], reason)
         if stress_tol is None:
             return hit
 
@@ -234,27 +234,27 @@ def struck(
         source if isinstance(source, Mesh) else checks.path("source", source), order
     )
     site, mesh = _first_mesh(place, site, impactor, material, order)
-    before: Answer | None = None
-    n = FIRST_N
+    before: MeshAnswer | None = None
+    n = INITIAL_COUNT
     records = []
 
     with warnings_of_last() as drop:
         while True:
             structure = Structure(mesh, material, supports, order=order, prestress=prestress)
-            result = answered(structure, site, run, tol, n)
+            result = answer_on_mesh(structure, site, run, tol, n)
             if mesh.tdim == 1:
-                result = changed_since(result, before)
+                result = with_change_since(result, before)
             before = result
             if report is not None:
                 report(result, site)
-            records.append(record(result))
+            records.append(mesh_record(result))
             log.info("strike: %s", records[-1])
             reason = ""
             ratio = np.ones(0)
             meets_tol = result.budget.numerical <= tol and (mesh.tdim > 1 or len(records) > 1)
             if not meets_tol:
                 reason = place.fixed or (
-                    f"{MOST_MESHES} meshes were made." if len(records) == MOST_MESHES else ""
+                    f"{MAX_MESHES} meshes were made." if len(records) == MAX_MESHES else ""
                 )
                 if not reason:
                     costs = limit, start_time, len(records)
@@ -262,10 +262,10 @@ def struck(
 
             if reason or meets_tol:
                 structure.drop_factor()
-                hit = _finished(result, tol, asked, records, reason)
+                hit = _finished_history(result, tol, asked, records, reason)
                 break
             drop()
-            n = min(2 * result.n, MOST_N) if mesh.tdim == 1 else result.n
+            n = min(2 * result.n, MAX_COUNT) if mesh.tdim == 1 else result.n
             mesh = place.finer(mesh, ratio)
 
     if stress_tol is None:
@@ -279,7 +279,7 @@ def struck(
 
 
 def _with_stresses(
-    hit: History, structure: Structure, tol: float, finer: stress.Finer, site: Site, n: int
+    hit: History, structure: Structure, tol: float, finer: stress.MakeFiner, site: Site, n: int
 ) -> History:
     """The history with its stress fields, whose bars by the mesh are at most `tol`.
 
@@ -323,7 +323,7 @@ def _first_mesh(
     solids = list(material.values()) if isinstance(material, Mapping) else [material]
     sheet = any(getattr(getattr(one, "kind", None), "sheet", False) for one in solids)
     if sheet:  # whose bars do not ask for a patch that is resolved
-        return site, place.first(place.extent() / CELLS_OF_SHEET, [])
+        return site, place.first(place.extent() / CELLS_ALONG_DIAGONAL, [])
     thickness = place.thickness()
     contact = _contact_radius(impactor, solids[0], thickness)
     if site.radius is None and site.point is not None and isinstance(solids[0], Solid):
@@ -333,7 +333,7 @@ def _first_mesh(
     has_patch = site.radius is not None or isinstance(solids[0], Beam)
     if has_patch and site.point is not None and not isinstance(site.point, str):
         refine.append((site.point, site.radius or 0.0))
-    return site, place.first(FIRST_SIZE * order * thickness, refine)
+    return site, place.first(INITIAL_SIZE_RATIO * order * thickness, refine)
 
 
 def _contact_radius(impactor: LinearBody, material: object, thickness: float) -> float:
@@ -351,7 +351,7 @@ def _contact_radius(impactor: LinearBody, material: object, thickness: float) ->
 
 
 @dataclass(frozen=True)
-class Answer:
+class MeshAnswer:
     """The result on one mesh."""
 
     structure: Structure
@@ -362,10 +362,12 @@ class Answer:
     seconds: float  # with n anti-oscillators from the start
 
 
-def answered(structure: Structure, site: Site, run: RunFunction, tol: float, n: int) -> Answer:
+def answer_on_mesh(
+    structure: Structure, site: Site, run: RunFunction, tol: float, n: int
+) -> MeshAnswer:
     """The answer on one mesh, with twice as many anti-oscillators until they are enough."""
     accuracy = accuracy_of_steps(tol)
-    limit = min(MOST_N, structure.dofs - 1)
+    limit = min(MAX_COUNT, structure.dofs - 1)
     n = min(n, limit)
 
     with warnings_of_last() as drop:
@@ -386,7 +388,7 @@ def answered(structure: Structure, site: Site, run: RunFunction, tol: float, n: 
 
 def answer_with_n(
     structure: Structure, site: Site, run: RunFunction, accuracy: float, n: int
-) -> Answer:
+) -> MeshAnswer:
     """The answer on one mesh with `n` anti-oscillators, whatever their truncation error.
 
     accuracy : relative error in time of the runs.
@@ -405,23 +407,23 @@ def answer_with_n(
         hit.assembly.stretch_left_out = raw.assembly.stretch_left_out
         budget = budget.of_corrected(hit)
 
-    return Answer(structure, raw, hit, budget, n, clock() - start_time)
+    return MeshAnswer(structure, raw, hit, budget, n, clock() - start_time)
 
 
 def accuracy_of_steps(tol: float) -> float:
     """Tolerance of the time integration for a tolerance of the whole budget."""
-    return float(np.clip(TIME_SHARE * tol, FINEST_TIME, COARSEST_TIME))
+    return float(np.clip(TIME_SHARE * tol, MIN_TIME_TOL, MAX_TIME_TOL))
 
 
 #: Is told of an answer and its site.
-Seen: TypeAlias = Callable[[Answer, Site], None]
+ReportAnswer: TypeAlias = Callable[[MeshAnswer, Site], None]
 
 
-def changed_since(answer: Answer, before: Answer | None) -> Answer:
+def with_change_since(answer: MeshAnswer, before: MeshAnswer | None) -> MeshAnswer:
     """The answer on a mesh of lines; its mesh bars are at least the change from the mesh before."""
     if before is None:
         return answer
-    change = with_floor(changes(before.hit, answer.hit))
+    change = with_floor(relative_changes(before.hit, answer.hit))
     bars = dict(answer.budget.bars)
     for name, bar in answer.budget.items():
         bars[name] = replace(bar, mesh=max(bar.mesh, change[name]))
@@ -436,7 +438,7 @@ def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
     return max(share, *(bar.mesh for bar in budget.values()))
 
 
-def record(answer: Answer) -> dict[str, float]:
+def mesh_record(answer: MeshAnswer) -> dict[str, float]:
     """The record of one mesh, as JSON values: its size, seconds, errors and peak force [N]."""
     return {
         "dofs": answer.structure.dofs,
@@ -452,7 +454,7 @@ def record(answer: Answer) -> dict[str, float]:
 
 
 def _next_mesh(
-    answer: Answer,
+    answer: MeshAnswer,
     mesh: Mesh,
     order: int,
     tol: float,
@@ -467,13 +469,13 @@ def _next_mesh(
     name in messages.
     """
     allowed = _room_for_mesh(answer.budget, tol)
-    if min(allowed.values()) < LEAST_ROOM * tol:
+    if min(allowed.values()) < MIN_MESH_SHARE * tol:
         return np.ones(0), _no_room_text(answer, asked)
 
     truncation = max(bar.truncation for bar in answer.budget.values())
-    if answer.n >= MOST_N and truncation > TRUNCATION_SHARE * tol:
+    if answer.n >= MAX_COUNT and truncation > TRUNCATION_SHARE * tol:
         return np.ones(0), (
-            f"{MOST_N} anti-oscillators, the most that are tried, leave {percent(truncation)} by"
+            f"{MAX_COUNT} anti-oscillators, the most that are tried, leave {percent(truncation)} by"
             f" truncation: take a tol of at least {percent(rounded_up(answer.budget.numerical))}."
         )
 
@@ -481,28 +483,28 @@ def _next_mesh(
     safety = answer.budget.safety
     usual = (SAFETY - 1) / (safety - 1)
     if answer.raw.model.info.get("divided") == "triangle":
-        usual = SAFETY * TRIANGLES / safety
+        usual = SAFETY * TRIANGLE_FACTOR / safety
     meshed = [(name, bar.mesh) for name, bar in answer.budget.items() if bar.mesh]
     goal = min(allowed[name] / (usual * error) for name, error in meshed)
     goal *= GOAL_FACTOR ** (meshes - 1)
 
     structure = answer.structure
     dim = mesh.tdim
-    energies = _errors_of_cells(answer, mesh)
-    ratio = division.size_ratios(mesh.comm, energies, min(goal, MOST_GOAL_RATIO), order, dim)
+    energies = _cell_errors(answer, mesh)
+    ratio = division.size_ratios(mesh.comm, energies, min(goal, MAX_GOAL_RATIO), order, dim)
 
     growth = full_growth = division.cell_growth(mesh.comm, ratio, dim)
-    if growth > GROWTH:
-        goal = goal * (growth / GROWTH) ** (2 * order / dim)
-        ratio = division.size_ratios(mesh.comm, energies, min(goal, MOST_GOAL_RATIO), order, dim)
+    if growth > MAX_CELL_GROWTH:
+        goal = goal * (growth / MAX_CELL_GROWTH) ** (2 * order / dim)
+        ratio = division.size_ratios(mesh.comm, energies, min(goal, MAX_GOAL_RATIO), order, dim)
         growth = division.cell_growth(mesh.comm, ratio, dim)
 
     growth = max(growth, 1.0)
     dofs = structure.dofs * max(full_growth, 1.0)
-    seconds = answer.seconds * max(full_growth, 1.0) ** SECONDS_POWER[dim]
+    seconds = answer.seconds * max(full_growth, 1.0) ** SECONDS_DOF_POWER[dim]
     spent = time.perf_counter() - start_time
-    expected = spent + answer.seconds * growth ** SECONDS_POWER[dim]
-    required_bytes = FACTOR_BYTES[dim] * (structure.dofs * growth) ** FACTOR_POWER[dim]
+    expected = spent + answer.seconds * growth ** SECONDS_DOF_POWER[dim]
+    required_bytes = FACTOR_BYTES[dim] * (structure.dofs * growth) ** FACTOR_DOF_POWER[dim]
     free = free_memory()
     message = ""
     cost = (
@@ -516,12 +518,12 @@ def _next_mesh(
     return ratio, on_root(structure.comm, lambda: message)
 
 
-def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
+def _cell_errors(answer: MeshAnswer, mesh: Mesh) -> Array:
     """Errors of the cells of this rank, weighted by the shapes' amplitudes during the contact."""
     if mesh.tdim == 1:  # all lines are divided alike
         return np.ones(compat.cell_index_map(mesh.dolfinx).size_local)
-    values, vectors = np.linalg.eigh(amplitudes(answer.raw))
-    significant = values > NEGLIGIBLE * values[-1]
+    values, vectors = np.linalg.eigh(amplitude_products(answer.raw))
+    significant = values > NEGLIGIBLE_WEIGHT * values[-1]
     weights = vectors[:, significant] * np.sqrt(values[significant])
     return ModelErrors(answer.structure).of_cells(answer.raw.model, weights)
 
@@ -529,13 +531,13 @@ def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
 def _room_for_mesh(budget: ErrorBudget, tol: float) -> dict[str, float]:
     """Relative error that the tolerance leaves for the mesh, for each quantity."""
     return {
-        name: AIM * (tol - bar.time - bar.patch - bar.stretch)
+        name: AIMED_TOL_SHARE * (tol - bar.time - bar.patch - bar.stretch)
         - min(bar.truncation, TRUNCATION_SHARE * tol)
         for name, bar in budget.items()
     }
 
 
-def _no_room_text(answer: Answer, tol: float) -> str:
+def _no_room_text(answer: MeshAnswer, tol: float) -> str:
     """Sentence: why no finer mesh brings the budget within the tolerance, and what does."""
     budget = answer.budget
     bar = max(budget.values(), key=lambda one: one.time + one.patch + one.stretch)
@@ -549,8 +551,8 @@ def _no_room_text(answer: Answer, tol: float) -> str:
     )
 
 
-def _finished(
-    answer: Answer, aim: float, tol: float, records: list[dict[str, float]], reason: str
+def _finished_history(
+    answer: MeshAnswer, aim: float, tol: float, records: list[dict[str, float]], reason: str
 ) -> History:
     """The history with its budget and the records of its meshes; `reason`: why no mesh follows.
 

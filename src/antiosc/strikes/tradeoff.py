@@ -1,10 +1,10 @@
 """`tradeoff`: error of an impact against seconds and memory, and the cheapest sufficient method.
 
 Members are the meshes of `strike`, each with a few, more and enough anti-oscillators. Every member
-has the bar of its own error budget. The meshes end with the first whose bar is `BRACKET` of the
-tolerance: the tolerance then lies between members, and the difference of each member to the finest
-is an error that does not come from an estimate. No seconds are counted while finite elements are
-compiled or loaded, which is done once for all members; `Tradeoff.compilation` has them.
+has the bar of its own error budget. The meshes end with the first whose bar is `BRACKETING_SHARE`
+of the tolerance: the tolerance then lies between members, and the difference of each member to the
+finest is an error that does not come from an estimate. No seconds are counted while finite elements
+are compiled or loaded, which is done once for all members; `Tradeoff.compilation` has them.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.impact.enclosure import enclosures
 from antiosc.impact.histories import History
-from antiosc.impact.histories.bars import QUANTITIES, differences
+from antiosc.impact.histories.bars import QUANTITIES, relative_differences
 from antiosc.impact.scene import simulate
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import AUTO, AnyLaw, LinearBody
@@ -44,14 +44,20 @@ from antiosc.models.motion import Motion
 from antiosc.plot.charts import few_log_ticks, figure_or_path, new_figure
 from antiosc.reduce.site.site import Site
 from antiosc.strikes.strike import (
-    Answer,
     Material,
+    MeshAnswer,
     RunFunction,
     accuracy_of_steps,
     answer_with_n,
-    struck,
+    strike_to_tolerance,
 )
-from antiosc.strikes.unreduced import UNREDUCED, Outcome, blow_of, figures, outcome
+from antiosc.strikes.unreduced import (
+    UNREDUCED_METHOD,
+    MethodOutcome,
+    curve_numbers,
+    run_unreduced,
+    unreduced_impact,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,11 +66,11 @@ if TYPE_CHECKING:
 
 #: Numbers of anti-oscillators that are tried on every mesh besides the one that is enough, and the
 #: least ratio of that to them.
-FEW_COUNTS, LEAST_COUNT_RATIO = (3, 8, 20, 60), 2.5
+FEW_OSCILLATOR_COUNTS, LEAST_COUNT_RATIO = (3, 8, 20, 60), 2.5
 #: The last mesh has a bar of at most this share of the tolerance.
-BRACKET = 0.5
+BRACKETING_SHARE = 0.5
 #: Bytes of an entry of K and of M, both together.
-MATRIX_BYTES = 24.0
+BYTES_PER_MATRIX_ENTRY = 24.0
 
 
 @dataclass(frozen=True)
@@ -128,29 +134,29 @@ class TradeoffMember:
                 plain_number(self.gigabytes),
                 plain_number(self.peak_force, 4),
             ),
-            *map(_percents, (self.force_bar, self.bar, self.difference)),
-            "–" if math.isnan(self.proved) else _percents(self.proved),
+            *map(_percent_text, (self.force_bar, self.bar, self.difference)),
+            "–" if math.isnan(self.proved) else _percent_text(self.proved),
         )
 
 
-def _percents(share: float) -> str:
+def _percent_text(share: float) -> str:
     """A share in per cent for the table."""
     return plain_number(100 * share)
 
 
 #: What errors are drawn over, and the labels of these axes.
-AXES = {"seconds": "time (s)", "gigabytes": "memory (GB)"}
+COST_AXES = {"seconds": "time (s)", "gigabytes": "memory (GB)"}
 #: Names and widths of the columns of the printed table.
-COLUMNS = {
+TABLE_COLUMNS = {
     "method": -10, "family": -6, "mean cell": 11, "order": 6, "dofs": 9, "N": 5, "step": 9,
     "seconds": 9, "GB": 9, "peak N": 11, "force ± %": 11, "all ± %": 9, "to finest %": 12,
     "proved %": 10,
 }  # fmt: skip
 
 
-def line_of(row: Sequence[str] = tuple(COLUMNS)) -> str:
+def line_of(row: Sequence[str] = tuple(TABLE_COLUMNS)) -> str:
     """A row of the printed table as text; by default its head."""
-    cells = zip(row, COLUMNS.values(), strict=True)
+    cells = zip(row, TABLE_COLUMNS.values(), strict=True)
     return "".join(f"{x:>{w}}" if w > 0 else f"{x:<{-w}}" for x, w in cells)
 
 
@@ -257,7 +263,7 @@ class Tradeoff(Result):
 
     def summary(self) -> str:
         """The table as text, with the other methods and the notes below."""
-        rows = [tuple(COLUMNS), *(member.cells() for member in (*self.table, *self.others))]
+        rows = [tuple(TABLE_COLUMNS), *(member.cells() for member in (*self.table, *self.others))]
         return "\n".join([*map(line_of, rows), *self.notes])
 
     def plot(self, path: str | Path | None = None) -> Figure | Path:
@@ -267,7 +273,7 @@ class Tradeoff(Result):
         """
         figure = new_figure((9.0, 4.0), path is None)
         axes = figure.subplots(1, 2, sharey=True)
-        for ax, name in zip(axes, AXES, strict=True):
+        for ax, name in zip(axes, COST_AXES, strict=True):
             self.draw(ax, name)
         axes[1].set_ylabel("")
         axes[0].legend(fontsize="small")
@@ -275,7 +281,7 @@ class Tradeoff(Result):
 
     def draw(self, ax: Axes, over: str = "seconds") -> None:
         """Draw bars and differences over "seconds" or "gigabytes" into axes of matplotlib."""
-        checks.choice("over", over, tuple(AXES))
+        checks.choice("over", over, tuple(COST_AXES))
 
         def points(
             members: Sequence[TradeoffMember], quantity: str
@@ -300,7 +306,7 @@ class Tradeoff(Result):
         if over == "seconds":
             ax.step(*points(self.front, "bar"), where="post", lw=0.8, label="front")
         few_log_ticks(ax)
-        ax.set_xlabel(AXES[over])
+        ax.set_xlabel(COST_AXES[over])
         ax.set_ylabel("relative error (%)")
 
 
@@ -363,32 +369,34 @@ def tradeoff(
         return simulate(model, impactor, contact, duration, tol=error, **given)
 
     compiled = uncounted_seconds()
-    accuracy = accuracy_of_steps(BRACKET * tol)
+    accuracy = accuracy_of_steps(BRACKETING_SHARE * tol)
     meshes: list[list[ComputedMember]] = []
 
     with doing("speed against accuracy") as report:
 
-        def seen(answer: Answer, place: Site) -> None:
+        def seen(answer: MeshAnswer, place: Site) -> None:
             if meshes:
                 meshes[-1][-1].answer.structure.drop_factor()
             own = ComputedMember(answer, place, member_of(answer))
             report(f"{len(meshes) + 1} meshes, bar {100 * own.member.bar:.2g} %")
 
             most = min(answer.n, answer.structure.dofs) / LEAST_COUNT_RATIO
-            fewer = [_member_with_n(own, run, accuracy, n) for n in FEW_COUNTS if n <= most]
+            fewer = [
+                _member_with_n(own, run, accuracy, n) for n in FEW_OSCILLATOR_COUNTS if n <= most
+            ]
             meshes.append([*(one for one in fewer if one is not None), own])
             if ready is not None:
                 for one in meshes[-1]:
                     ready(replace(one.member, difference=math.nan))
 
-        hit = struck(
-            source, site, impactor, run, BRACKET * tol, material, supports, order, limit, seen,
-            asked=tol,
+        hit = strike_to_tolerance(
+            source, site, impactor, run, BRACKETING_SHARE * tol, material, supports, order, limit,
+            seen, asked=tol,
         )  # fmt: skip
         members = [one for of_mesh in meshes for one in of_mesh]
         finest = members[-1]
         table = tuple(made.beside(finest) for made in members)
-        single = "" if len(meshes) > 1 else _one_mesh_text(source, finest, BRACKET * tol)
+        single = "" if len(meshes) > 1 else _one_mesh_text(source, finest, BRACKETING_SHARE * tol)
         notes = (single,) if single else ()
         compilation = uncounted_seconds() - compiled
         result = Tradeoff(table, tol, hit, (), notes, compilation)
@@ -398,8 +406,8 @@ def tradeoff(
         best = result.best(tol=tol) if result.status == 0 else table[-1]
         base = members[table.index(best)]
         answer = base.answer
-        blow = partial(blow_of, answer.structure, base.site, answer.raw, duration)
-        found = outcome(blow, compare, report)
+        blow = partial(unreduced_impact, answer.structure, base.site, answer.raw, duration)
+        found = run_unreduced(blow, compare, report)
 
     if isinstance(found, str):
         return replace(result, notes=(found, *notes))
@@ -410,14 +418,14 @@ def tradeoff(
 class ComputedMember:
     """A computed member of the trade-off, with its result and its site."""
 
-    answer: Answer
+    answer: MeshAnswer
     site: Site
     member: TradeoffMember
 
     def beside(self, finest: ComputedMember) -> TradeoffMember:
         """The member with its difference from the finest member, and with bars that cover it."""
         member = self.member
-        by_name = differences(finest.answer.hit, self.answer.hit)
+        by_name = relative_differences(finest.answer.hit, self.answer.hit)
         apart = max(by_name.values())
         bar = member.bar if apart <= member.bar else apart + finest.member.bar
         wider = {name: by_name[name] + of_finest for name, of_finest in finest.member.bars.items()}
@@ -426,13 +434,13 @@ class ComputedMember:
         }
         return replace(member, difference=apart, bar=bar, bars=bars)
 
-    def unreduced(self, outcome: Outcome, finest: History) -> TradeoffMember:
+    def unreduced(self, outcome: MethodOutcome, finest: History) -> TradeoffMember:
         """The member of the unreduced model on the same mesh."""
-        numbers = figures(outcome.curve)
+        numbers = curve_numbers(outcome.curve)
         stored_bytes = _matrix_bytes(self.answer.structure)
         return replace(
             self.member,
-            method=UNREDUCED,
+            method=UNREDUCED_METHOD,
             n=0,
             proved=math.nan,
             step=float(outcome.curve.time[1]),
@@ -441,7 +449,7 @@ class ComputedMember:
             bar=math.inf,
             bars={},
             whole=None,
-            difference=max(differences(finest, numbers).values()),
+            difference=max(relative_differences(finest, numbers).values()),
             **asdict(numbers),
         )
 
@@ -479,10 +487,10 @@ def _member_with_n(
 
 def _matrix_bytes(structure: Structure) -> float:
     """Number of bytes that K and M take."""
-    return 0.0 if uses_cells(structure.K) else MATRIX_BYTES * stored_entries(structure.K)
+    return 0.0 if uses_cells(structure.K) else BYTES_PER_MATRIX_ENTRY * stored_entries(structure.K)
 
 
-def _proved(hit: History) -> float:
+def _proved_error(hit: History) -> float:
     """Proved relative error of the peak force of a run; NaN outside the assumptions."""
     try:
         (one,) = enclosures(hit.assembly, hit.run)
@@ -491,7 +499,7 @@ def _proved(hit: History) -> float:
     return max(one.peak[1] - hit.peak_force, hit.peak_force - one.peak[0]) / hit.peak_force
 
 
-def member_of(answer: Answer) -> TradeoffMember:
+def member_of(answer: MeshAnswer) -> TradeoffMember:
     """The member of the trade-off for a result on one mesh."""
     structure = answer.structure
     matrices = cast("MeshedStructure", structure.matrices)
@@ -508,7 +516,7 @@ def member_of(answer: Answer) -> TradeoffMember:
         order=matrices.form.degree,
         dofs=structure.dofs,
         n=answer.n,
-        proved=_proved(answer.raw),
+        proved=_proved_error(answer.raw),
         step=answer.hit.step,
         seconds=max(structure.comm.allgather(seconds)),
         gigabytes=(_matrix_bytes(structure) + cost.bytes) / 1e9,

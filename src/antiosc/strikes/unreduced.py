@@ -30,13 +30,13 @@ from antiosc.reduce.site import functional
 from antiosc.reduce.site.site import Site
 
 M = TypeVar("M", float, Array)
-UNREDUCED = "unreduced"
+UNREDUCED_METHOD = "unreduced"
 #: Steps to a contact. Hertz's blow on a block has errors of 1e-4 of the peak with these.
-STEPS = 100
+STEPS_PER_CONTACT = 100
 
 
 @dataclass(frozen=True, eq=False)
-class Blow:
+class UnreducedImpact:
     """The impact of a rigid body on a part at rest, integrated without anti-oscillators."""
 
     structure: Structure
@@ -55,7 +55,7 @@ class Blow:
         return int(np.ceil(self.duration / self.step))
 
 
-class Curve(NamedTuple):
+class ContactCurve(NamedTuple):
     """A computed contact."""
 
     time: Array  # (n,) [s]
@@ -64,15 +64,17 @@ class Curve(NamedTuple):
     contacts: Sequence[tuple[float, float]]  # start and end of each [s]
 
 
-class Outcome(NamedTuple):
+class MethodOutcome(NamedTuple):
     """The curve of a method, its seconds and its bytes."""
 
-    curve: Curve
+    curve: ContactCurve
     seconds: float
     bytes: float
 
 
-def blow_of(structure: Structure, site: Site, hit: History, duration: float) -> Blow:
+def unreduced_impact(
+    structure: Structure, site: Site, hit: History, duration: float
+) -> UnreducedImpact:
     """The impact of `hit` on the unreduced structure.
 
     `hit`: of the model without mesh correction; InputError if it is not linear.
@@ -93,7 +95,7 @@ def blow_of(structure: Structure, site: Site, hit: History, duration: float) -> 
 
     (beta,) = system.beta[0, ball].tolist()
 
-    return Blow(
+    return UnreducedImpact(
         structure=structure,
         b=functional(structure, site).b,
         law=assembly.laws[0],
@@ -101,20 +103,20 @@ def blow_of(structure: Structure, site: Site, hit: History, duration: float) -> 
         speed=beta * float(system.v[ball][0]),
         acceleration=beta * float(system.loads[0, ball][0]),
         gap=float(system.offsets[0, 0]),
-        step=hit.contact_time / STEPS,
+        step=hit.contact_time / STEPS_PER_CONTACT,
         duration=duration,
     )
 
 
-def entries_of(structure: Structure) -> float:
+def factor_entries(structure: Structure) -> float:
     """Number of entries of the factor of K, or of its symbolic factor if K has another solver."""
     solver = structure.factorize()
     return solver.entries if isinstance(solver, Factorization) else forecast_of(structure.K).entries
 
 
-def outcome(
-    make_blow: Callable[[], Blow], seconds: float, report: Callable[[str], None]
-) -> Outcome | str:
+def run_unreduced(
+    make_blow: Callable[[], UnreducedImpact], seconds: float, report: Callable[[str], None]
+) -> MethodOutcome | str:
     """Run the unreduced model; or a sentence on why it was not run.
 
     seconds : largest time that it may be expected to take; report : called with its progress.
@@ -122,34 +124,36 @@ def outcome(
     try:
         blow = make_blow()
         expected = blow.structure.seconds["assembly"]
-        expected += seconds_of_steps(entries_of(blow.structure), blow.steps)
+        expected += seconds_of_steps(factor_entries(blow.structure), blow.steps)
         if expected > seconds:
             return (
-                f"{UNREDUCED}: not run, the forecast of {plain_number(expected)} s for"
+                f"{UNREDUCED_METHOD}: not run, the forecast of {plain_number(expected)} s for"
                 f" {blow.structure.dofs} dofs and {blow.steps} steps exceeds"
                 f" compare = {seconds:g} s."
             )
-        report(f"{UNREDUCED}, about {plain_number(expected)} s")
-        return newmark(blow)
+        report(f"{UNREDUCED_METHOD}, about {plain_number(expected)} s")
+        return run_newmark(blow)
     except AntioscError as error:
-        return f"{UNREDUCED}: {str(error).rstrip('.')}."
+        return f"{UNREDUCED_METHOD}: {str(error).rstrip('.')}."
 
 
-def newmark(blow: Blow) -> Outcome:
+def run_newmark(blow: UnreducedImpact) -> MethodOutcome:
     """Newmark's average acceleration of all dofs, the contact force implicit."""
     structure = blow.structure
     start_time = clock() - structure.seconds["assembly"]
     process.require_memory(
-        FACTOR_ENTRY_BYTES * entries_of(structure), "a factor of K + 4 M/h²", "take a longer step"
+        FACTOR_ENTRY_BYTES * factor_entries(structure),
+        "a factor of K + 4 M/h²",
+        "take a longer step",
     )
     h = blow.step
     A = factorize(sum_of(structure.K, 4 / h**2, structure.M))
-    curve = _integrated(blow, A)
+    curve = _integrated_curve(blow, A)
 
-    return Outcome(curve, clock() - start_time, FACTOR_ENTRY_BYTES * A.entries)
+    return MethodOutcome(curve, clock() - start_time, FACTOR_ENTRY_BYTES * A.entries)
 
 
-def _integrated(blow: Blow, A: Factorization) -> Curve:
+def _integrated_curve(blow: UnreducedImpact, A: Factorization) -> ContactCurve:
     """All steps with the factor A of K + 4 M/h²."""
     h = blow.step
     mass_matrix = blow.structure.M
@@ -185,7 +189,7 @@ def _integrated(blow: Blow, A: Factorization) -> Curve:
     lasts = zip(times[::2], [*times[1::2], float(time[-1])], strict=False)
     force, depth = (np.array([getattr(e, name)[0] for e in ends]) for name in ("force", "delta"))
 
-    return Curve(time, force, depth, list(lasts))
+    return ContactCurve(time, force, depth, list(lasts))
 
 
 def _end_rates(h: float, new: M, inertia_terms: M, v: M, a: M) -> tuple[M, M]:
@@ -199,7 +203,7 @@ def _end_rates(h: float, new: M, inertia_terms: M, v: M, a: M) -> tuple[M, M]:
 
 
 @dataclass(frozen=True)
-class Figures:
+class CurveNumbers:
     """Peak force [N], impulse [N s] and contact time [s] of a curve, as those of a `History`."""
 
     peak_force: float
@@ -207,17 +211,17 @@ class Figures:
     contact_time: float
 
 
-def figures(curve: Curve) -> Figures:
+def curve_numbers(curve: ContactCurve) -> CurveNumbers:
     """Peak force by a parabola, impulse by trapezoids, and contact time of a curve."""
     time, force, *_ = curve
     impulses = np.append(0.0, np.cumsum(np.diff(time) * (force[1:] + force[:-1]) / 2))
     contacts = np.reshape(curve.contacts, (-1, 2))
     gains = np.diff(np.interp(contacts, time, impulses), axis=1)
     main_time = main_contact_time(np.hstack([contacts, gains]).tolist())
-    return Figures(_peak(force), float(impulses[-1]), main_time)
+    return CurveNumbers(_parabola_peak(force), float(impulses[-1]), main_time)
 
 
-def _peak(force: Array) -> float:
+def _parabola_peak(force: Array) -> float:
     """The highest value of the parabola through the highest node and its neighbours."""
     k = int(np.argmax(force))
     if not 0 < k < len(force) - 1:

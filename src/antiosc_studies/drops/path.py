@@ -21,7 +21,7 @@ from antiosc.engine.march import TOUCH_RESOLUTION, Run, run as march_once
 from antiosc.engine.system import System
 from antiosc.extension import check_range, integrate_exact
 from antiosc.impact.assembly import Assembly
-from antiosc.impact.states import forces, interpolated, locate
+from antiosc.impact.states import contact_forces, linear_interpolation, steps_at
 from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.touching import AXES, BODY, TINY, Touch
 
@@ -107,10 +107,10 @@ def on_path(
     arms = arms @ np.swapaxes(R, 1, 2) - balls * AXES[0]
     point_motion = arms - arms[0] + (displacement[:, :6] @ W[:, :3])[:, None]
     point_motion -= np.cross(path.turns[:, None], balls * AXES[0])  # a ball rolls
-    row_forces = forces(history.run, *locate(history.run, path.times))
+    row_forces = contact_forces(history.run, *steps_at(history.run, path.times))
     point_forces = np.zeros_like(arms)
 
-    offsets = interpolated(path.times, first.breaks, first.offsets).copy()
+    offsets = linear_interpolation(path.times, first.breaks, first.offsets).copy()
     for k, sides in enumerate(first.sides):
         for row, axis in ((k, 2), *zip(range(sides.start, sides.stop), range(2), strict=False)):
             point_forces[:, k, axis] = row_forces[:, row]
@@ -119,12 +119,14 @@ def on_path(
     bending = np.einsum("nkd,kjd->nj", point_forces @ R, shapes)
     total = np.append(point_forces.sum(axis=1), np.cross(arms, point_forces).sum(axis=1), axis=1)
     linear = row_forces @ beta
-    loads = interpolated(path.times, first.breaks, first.loads).copy()
+    loads = linear_interpolation(path.times, first.breaks, first.loads).copy()
     loads[:, span] += linear + np.append(total @ W.T, bending, axis=1)
     depth = history.run.depth[:, : len(which)]
     change = max(
-        _ratio(offsets - interpolated(path.times, previous.breaks, previous.offsets), depth),
-        _ratio(loads - interpolated(path.times, previous.breaks, previous.loads), linear),
+        _ratio(
+            offsets - linear_interpolation(path.times, previous.breaks, previous.offsets), depth
+        ),
+        _ratio(loads - linear_interpolation(path.times, previous.breaks, previous.loads), linear),
     )
     system = replace(first, breaks=path.times, loads=loads, offsets=offsets)
 

@@ -30,7 +30,7 @@ from antiosc.models.body import AUTO, AnyLaw
 from antiosc.models.free_modes import residual_parameters
 from antiosc.models.modal import as_damping
 from antiosc.plot.charts import figure_or_path, panels
-from antiosc.strikes.free_sites import BAND_FACTOR, FreeSites, Where, free_sites
+from antiosc.strikes.free_sites import BAND_FACTOR, FreeSites, SiteSelection, free_sites
 from antiosc_studies.find.forward import MapSurface, SearchModel, has_stiffness
 from antiosc_studies.find.recording import Recording, Sensor, recording_of, sensor_shapes
 from antiosc_studies.find.search import (
@@ -351,7 +351,7 @@ def _unknown_names(
 def monitored_structure(
     structure: Structure,
     sensors: Sequence[Sensor],
-    where: Where,
+    where: SiteSelection,
     direction: Sequence[float] | None,
     radius: float | None,
     modes: int | None,

@@ -14,7 +14,7 @@ from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.engine import library
 from antiosc.engine.march import TOUCH_RESOLUTION, solve
 from antiosc.impact.assembly import Assembly
-from antiosc.impact.states import forces, locate
+from antiosc.impact.states import contact_forces, steps_at
 
 #: Relative error of the forces in a step of the runs that are differenced.
 DIFFERENCE_TOL = 1e-9
@@ -105,7 +105,9 @@ def goal_of(
         raise InputError(f"time must lie within the run, 0 <= time <= {until:g} s; got {t[0]:g}.")
     until = min(max(t[0], 1e-3 * until), until)
     if name == "force":
-        return Goal(name, until, lambda run: float(forces(run.run, *locate(run.run, t))[0, c]))
+        return Goal(
+            name, until, lambda run: float(contact_forces(run.run, *steps_at(run.run, t))[0, c])
+        )
     return Goal(name, until, lambda run: float(_end_displacement(run, end, t)[0]))
 
 

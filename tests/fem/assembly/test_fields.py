@@ -10,7 +10,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.fields.fields import shapes_of
-from antiosc.impact.histories.factors import amplitudes
+from antiosc.impact.histories.factors import shape_factors
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
 from static_loads import quiet
 
@@ -236,5 +236,5 @@ def test_a_turned_part_on_points_and_joints():
     assert np.abs(found.moment["foot"]).max() < 1e-7 * np.abs(found.force["foot"]).max()
     # the rate of the momentum by the forms of the parts and the masses, not by their matrices
     rate = shapes_of(part, hit, "structure").T @ part.uniform_inertia(np.array([0.0, 0, 1]))
-    inertia = amplitudes(hit, hit.time, "structure", 2) @ rate
+    inertia = shape_factors(hit, hit.time, "structure", 2) @ rate
     np.testing.assert_allclose(found.inertia[:, 2], inertia, atol=1e-8 * scale)

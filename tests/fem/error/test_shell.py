@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.impact.histories.bars import QUANTITIES, differences
+from antiosc.impact.histories.bars import QUANTITIES, relative_differences
 from sheets import (
     NU,
     RHO,
@@ -87,7 +87,7 @@ def test_k0_and_bars_of_nested_meshes(name):
         assert abs(model.corrected().k0 - true.k0) < 0.75 * abs(error)
     impact = ao.RigidMass(0.1 * part(few).mass, 1.0), ao.Hertz(3e7)
     hit, exact = (ao.simulate(each, *impact, 2e-2, tol=1e-5) for each in (model, true))
-    off = differences(hit, exact)
+    off = relative_differences(hit, exact)
     for quantity in QUANTITIES:
         assert off[quantity] < hit.error_budget[quantity].mesh + 1e-6
         assert hit.error_budget[quantity].mesh < 30 * max(off.values())

@@ -17,8 +17,8 @@ from antiosc.engine.contact.geometry import hertz_stresses, von_mises
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.fields.margin import NodalExposures, Zones, judged
-from antiosc.impact.histories.verdict import CONTACT_RADII, ContactZone
+from antiosc.fields.margin import ExcludedZones, NodalExposures, judged_margin
+from antiosc.impact.histories.verdict import PLASTIC_ZONE_RADII, ContactZone
 from antiosc.recovery import mesh_fields
 from antiosc.recovery.place import Place
 from antiosc.recovery.tensors import PointsInCells, SheetAxes, evaluator, middle_strains
@@ -245,9 +245,9 @@ def test_hertz_s_stress_is_small_beyond_what_the_margin_leaves_out():
 
     largest = max(on_axis(np.linspace(0, 2, 2001)))
     assert largest == pytest.approx(0.62, abs=0.005)
-    on_surface = np.sqrt(3) * (1 - 2 * nu) / 3 / CONTACT_RADII**2
+    on_surface = np.sqrt(3) * (1 - 2 * nu) / 3 / PLASTIC_ZONE_RADII**2
     assert on_surface / largest == pytest.approx(0.04, abs=0.005)
-    assert on_axis(CONTACT_RADII) / largest == pytest.approx(0.17, abs=0.005)
+    assert on_axis(PLASTIC_ZONE_RADII) / largest == pytest.approx(0.17, abs=0.005)
 
 
 @pytest.mark.parametrize("criterion", ["tsai_hill", "tsai_wu"])
@@ -515,7 +515,7 @@ def row_of_nodes(values, error=0.02, size=1e-3) -> NodalExposures:
 def test_a_stress_that_the_mesh_does_not_resolve_has_no_bar():
     """By jumps of half of it, at the worst node or at one that may have more."""
     exposures = np.array([0.5, 0.4, 0.2])
-    good = judged("yield", row_of_nodes(exposures), Zones())
+    good = judged_margin("yield", row_of_nodes(exposures), ExcludedZones())
     assert good.errors == pytest.approx((0.49 * YIELD, 0.51 * YIELD))
     assert not good.note
     for errors, has_bar in (
@@ -524,7 +524,7 @@ def test_a_stress_that_the_mesh_does_not_resolve_has_no_bar():
         ([0.02, 0.02, 1.0], True),  # 0.4 at most: twice the value
     ):
         nodes = row_of_nodes(exposures)._replace(error=np.array(errors))
-        found = judged("yield", nodes, Zones())
+        found = judged_margin("yield", nodes, ExcludedZones())
         assert found.has_bar == has_bar
         assert ("no bar" in found.sentence) != has_bar
         assert has_bar or "500 µm" in found.note  # half the size of the cells
@@ -534,11 +534,11 @@ def test_a_patch_larger_than_the_contact_widens_the_bar_beside_it():
     """By Hertz's stress on the contact less that on the patch; three radii are left out."""
     zone = ContactZone(np.zeros(3), 1e-3, 1e-3, 5000.0, 0.3)
     near = row_of_nodes([0.9, 0.3, 0.1])._replace(points=np.diag([0.0, 4e-3, 50e-3])[:, [1, 0, 2]])
-    found = judged("yield", near, Zones([zone]))
+    found = judged_margin("yield", near, ExcludedZones([zone]))
     assert found.scope == "outside 3 radii of the contact (3.0 mm)"
     assert found.errors == pytest.approx((0.294 * YIELD, 0.306 * YIELD))
 
-    wide = judged("yield", near, Zones([zone._replace(patch=4e-3)]))
+    wide = judged_margin("yield", near, ExcludedZones([zone._replace(patch=4e-3)]))
     # the cells of the node at 4 mm reach what is left out
     r, z = 3e-3 * np.array([f(np.linspace(0, np.pi / 2, 50)) for f in (np.sin, np.cos)])
     one, other = (hertz_stresses(5000.0, radius, 0.3, r, z) for radius in (1e-3, 4e-3))
@@ -549,7 +549,7 @@ def test_a_patch_larger_than_the_contact_widens_the_bar_beside_it():
 def test_a_contact_smaller_than_the_cells_leaves_the_verdict_open():
     """By modes of the whole body, which show nothing of it: neither end of the stress is known."""
     zone = ContactZone(np.zeros(3), 1e-4, np.inf, 100.0, 0.3)
-    found = judged("yield", row_of_nodes([0.9, 4.0, 0.1]), Zones([zone]))
+    found = judged_margin("yield", row_of_nodes([0.9, 4.0, 0.1]), ExcludedZones([zone]))
     assert found.errors == (0.0, np.inf)
     assert found.answer == "it may bend for good"
     assert "the cells are larger than the contact" in found.note

@@ -43,9 +43,9 @@ def test_a_blow_ends_with_a_stress_to_a_tolerance(stepped):
     asked = {"tol": 0.2, "material": STEEL, "supports": held}
     hit = ao.strike(stepped, SITE, BALL, ao.Linear(1e7), 1e-3, stress_tol=0.2, **asked)
     (closed,) = hit.stresses.values()
-    assert max(stress.bar(closed)) <= 0.2
+    assert max(stress.stress_bar(closed)) <= 0.2
     assert "rounds of smaller cells" in closed.rounds
-    assert max(stress.bar(ao.peak_field(hit.structure, hit))) > 0.2
+    assert max(stress.stress_bar(ao.peak_field(hit.structure, hit))) > 0.2
 
     point = closed.margin().point
     assert 0.036 < point[0] < 0.045
@@ -74,7 +74,9 @@ def test_cells_of_a_structure_are_bisected_or_stay_which_is_told(cell, tmp_path)
     hit = ao.strike(part, site, BALL, ao.Linear(1e6), 2e-3, tol=0.5, stress_tol=tol)
     (closed,) = hit.stresses.values()
     if straight:
-        assert max(stress.bar(closed)) <= tol < max(stress.bar(ao.peak_field(part, hit)))
+        assert (
+            max(stress.stress_bar(closed)) <= tol < max(stress.stress_bar(ao.peak_field(part, hit)))
+        )
         return
     assert "cannot say above" in closed.rounds
     assert "refine divides straight triangles and tetrahedra" in closed.rounds
@@ -115,4 +117,4 @@ def test_bodies_that_do_not_touch_have_no_stress_to_refine():
 
     found = stress.closed(hit, part, 0.2, None, None, stress.fields_by_strength)
     assert found.rounds == 0
-    assert all(stress.bar(field) == (0.0, 0.0) for field in found.fields.values())
+    assert all(stress.stress_bar(field) == (0.0, 0.0) for field in found.fields.values())

@@ -14,11 +14,16 @@ import numpy as np
 from antiosc.base._types import Array, ArrayLike, Figure
 from antiosc.base.errors import InputError
 from antiosc.base.texts import STOPPED, engineering, percent, point_text, restitution_text
-from antiosc.impact.histories.factors import modes_of, no_field_message, stretch_in, stretch_shapes
+from antiosc.impact.histories.factors import (
+    modes_with_shapes,
+    no_field_message,
+    stretch_of_motion,
+    stretch_shapes,
+)
 from antiosc.impact.histories.motion import RunHistory
 from antiosc.impact.histories.parts import ContactHistory
 from antiosc.impact.histories.site_motion import SiteMotion, site_motion
-from antiosc.impact.histories.tables import Results
+from antiosc.impact.histories.tables import SavableResults
 from antiosc.models.body import info_of, site_points
 from antiosc.models.parameters import has_error_bars
 
@@ -32,11 +37,11 @@ if TYPE_CHECKING:
 #: Width of the names of results.
 LABEL_WIDTH = 13
 #: Contacts of which a file lists the times.
-MOST_CONTACTS = 10_000
+MAX_LISTED_CONTACTS = 10_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class History(RunHistory, Results):
+class History(RunHistory, SavableResults):
     """History of a simulation; times in s, forces in N, displacements in m.
 
     `hit[a, b]` is a contact, `hit.bodies[name]` a body; those of `simulate` are "structure" and
@@ -61,7 +66,7 @@ class History(RunHistory, Results):
     stresses : the stress fields of `strike(…, stress_tol=…)`, quantity -> `PeakField`; else None.
     """
 
-    source: Source | None = None
+    source: RepeatableRun | None = None
     budget: ErrorBudget | None = None
     stresses: Mapping[str, Any] | None = None
 
@@ -125,8 +130,8 @@ class History(RunHistory, Results):
         Article eq. (8), without the sag of a supported body under its own weight. `body`: name of a
         body whose model has shapes.
         """
-        displacements = modes_of(self, body).field(self.coordinates(t, body))
-        forces = stretch_in(self, body)
+        displacements = modes_with_shapes(self, body).field(self.coordinates(t, body))
+        forces = stretch_of_motion(self, body)
         if forces is None:
             return displacements
 
@@ -175,7 +180,7 @@ class History(RunHistory, Results):
     def numbers(self) -> dict[str, object]:
         """Its single results: name -> JSON value."""
         contacts = {
-            _contact_label(contact_history): _numbers(contact_history)
+            _contact_label(contact_history): _contact_numbers(contact_history)
             for contact_history in self.contact_histories
         }
         (only_contact,) = contacts.values() if len(contacts) == 1 else ({},)
@@ -220,7 +225,9 @@ class History(RunHistory, Results):
         from antiosc.impact.histories import verdict  # loaded where it is used
 
         contacts = self.contact_histories
-        sentences = [(_contact_label(contact), verdict.sentence(contact)) for contact in contacts]
+        sentences = [
+            (_contact_label(contact), verdict.yield_sentence(contact)) for contact in contacts
+        ]
         if not self.named:
             return sentences[0][1]
         return " ".join(f"{label}: {text}" for label, text in sentences if text)
@@ -311,7 +318,7 @@ class History(RunHistory, Results):
 Rerun: TypeAlias = "Callable[[LinearBody, float], History]"
 
 
-class Source:
+class RepeatableRun:
     """Base class of objects that can simulate the run of a history again.
 
     Those of an impact of two bodies also have `rerun` and `error_budget`.
@@ -343,13 +350,13 @@ def _contact_label(contact: ContactHistory) -> str:
     return " - ".join(contact.ends)
 
 
-def _numbers(contact: ContactHistory) -> dict[str, object]:
+def _contact_numbers(contact: ContactHistory) -> dict[str, object]:
     """The single results of one contact."""
     return {
         "peak_force": float(contact.peak_force),
         "impulse": float(contact.impulse),
         "contact_time": float(contact.contact_time),
-        "contacts": [list(map(float, pair)) for pair in contact.contacts[:MOST_CONTACTS]],
+        "contacts": [list(map(float, pair)) for pair in contact.contacts[:MAX_LISTED_CONTACTS]],
     }
 
 

@@ -14,25 +14,25 @@ from antiosc.impact.histories.parts import contacts_of_main
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
 #: That of the displacement of the site, which has a bar of its own beside these.
 DEFLECTION = "deflection"
-UNITS = {**QUANTITIES, DEFLECTION: "m"}
+BAR_UNITS = {**QUANTITIES, DEFLECTION: "m"}
 #: What a cause adds that does not apply.
-NO_ERROR = dict.fromkeys(UNITS, 0.0)
+ZERO_ERRORS = dict.fromkeys(BAR_UNITS, 0.0)
 #: Causes of error, in the order in which they are told.
 CAUSES = ("mesh", "truncation", "time", "patch", "noise", "stretch", "law")
 #: Why a contact time has no bar.
-NO_BAR = "no error bar: the number of its contacts is uncertain"
+UNCERTAIN_CONTACTS_TEXT = "no error bar: the number of its contacts is uncertain"
 #: In place of a bar that would lack a cause, which may be the largest one.
-WITHOUT_BAR = "no error bar"
+NO_BAR_TEXT = "no error bar"
 #: Behind a bar for a law of the caller's, whose error he alone knows.
-BY_GIVEN_LAW = " (law as given)"
+GIVEN_LAW_TEXT = " (law as given)"
 #: A side of a bar with which nothing is left of a quantity, as text; page.js has the same.
-WHOLE = percent(1.0)
+WHOLE_SIDE_TEXT = percent(1.0)
 #: Those that are told only of models that were measured, and of parts that stretch.
 RARE_CAUSES = ("noise", "stretch")
 #: Shares that are smaller than this error, and than this part of the bar, are told as one sum;
 #: others always, so that a bar tells whether the contact's law is in it.
-SMALL_SHARE, SMALL_PART = 5e-3, 0.1
-ALWAYS_TOLD = ("law", *RARE_CAUSES)
+SMALL_CAUSE_SHARE, SMALL_CAUSE_ERROR = 5e-3, 0.1
+ALWAYS_SHOWN_CAUSES = ("law", *RARE_CAUSES)
 
 
 @dataclass(frozen=True)
@@ -185,15 +185,15 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def shown(self, name: str, digits: int = 4) -> str:
         """Text: a quantity with its error bar, or with its upper bound, or that it has no bar."""
         bar = self.bars[name]
-        value = engineering(bar.value, UNITS[name], digits)
+        value = engineering(bar.value, BAR_UNITS[name], digits)
         if self.no_bar:
-            return f"{value} ({WITHOUT_BAR})"
+            return f"{value} ({NO_BAR_TEXT})"
         if name in self.unknown:
             return value
 
         below, above = self.sides(name)
-        if percent(below) == WHOLE:
-            most = engineering((1 + above) * bar.value, UNITS[name], 2)
+        if percent(below) == WHOLE_SIDE_TEXT:
+            most = engineering((1 + above) * bar.value, BAR_UNITS[name], 2)
             return f"{value}, at most {most}{self.condition}"
         return f"{value} {plus_minus((below, above))}{self.condition}"
 
@@ -210,7 +210,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     @property
     def condition(self) -> str:
         """Text behind a bar that holds for the law as given; "" for other bars."""
-        return BY_GIVEN_LAW * bool(self.law)
+        return GIVEN_LAW_TEXT * bool(self.law)
 
     @property
     def footnote(self) -> str:
@@ -249,11 +249,11 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         """The shares of the causes in the error of a quantity as text, small ones as one sum."""
         bar = self.bars[name]
         shares = {cause: getattr(bar, cause) for cause in self.causes}
-        least = min(SMALL_SHARE, SMALL_PART * bar.known)
+        least = min(SMALL_CAUSE_SHARE, SMALL_CAUSE_ERROR * bar.known)
         told = {
             cause: share
             for cause, share in shares.items()
-            if share >= least or cause in ALWAYS_TOLD
+            if share >= least or cause in ALWAYS_SHOWN_CAUSES
         }
         rest = sum(shares.values()) - sum(told.values())
         if rest > MIN_PERCENT_SHARE:
@@ -273,15 +273,18 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
 
 #: Each error is at least this share of the largest of the three.
-FLOOR = 0.5
+MIN_ERROR_SHARE = 0.5
 
 
-def differences(first: object, second: object) -> dict[str, float]:
+def relative_differences(first: object, second: object) -> dict[str, float]:
     """Relative differences of peak force, impulse and contact time between two results."""
-    return {name: _relative(getattr(first, name), getattr(second, name)) for name in QUANTITIES}
+    return {
+        name: _relative_difference(getattr(first, name), getattr(second, name))
+        for name in QUANTITIES
+    }
 
 
-def comparable(first: Any, second: Any) -> bool:
+def are_comparable(first: Any, second: Any) -> bool:
     """Whether the main impacts of two results have, as far as is known, as many contacts."""
     return contacts_of_main(first) == contacts_of_main(second)
 
@@ -302,28 +305,28 @@ def contact_time_note(result: Any) -> str:
     return f"of the main impact; last release at {last}"
 
 
-def changes(first: Any, second: Any) -> dict[str, float]:
-    """`differences`; for contact times that are not comparable, the larger of the other two."""
-    found = differences(first, second)
-    if not comparable(first, second):
+def relative_changes(first: Any, second: Any) -> dict[str, float]:
+    """`relative_differences`; the larger of the others for contact times not comparable."""
+    found = relative_differences(first, second)
+    if not are_comparable(first, second):
         found["contact_time"] = max(found["peak_force"], found["impulse"])
     return found
 
 
-def all_changes(first: Any, second: Any) -> dict[str, float]:
-    """`changes`, and the relative change of the site's displacement, 0 if it is not known."""
+def relative_changes_with_site(first: Any, second: Any) -> dict[str, float]:
+    """`relative_changes`, and that of the site's displacement, 0 if it is not known."""
     moved = [getattr(one, "site_motion", None) for one in (first, second)]
     largest = [0.0 if one is None else one.largest for one in moved]
-    return {**changes(first, second), DEFLECTION: _relative(*largest)}
+    return {**relative_changes(first, second), DEFLECTION: _relative_difference(*largest)}
 
 
 def with_floor(errors: Mapping[str, float]) -> dict[str, float]:
-    """The errors, none below `FLOOR` times the largest of the three quantities."""
+    """The errors, none below `MIN_ERROR_SHARE` times the largest of the three quantities."""
     worst = max(errors[name] for name in QUANTITIES)
-    return {name: max(error, FLOOR * worst) for name, error in errors.items()}
+    return {name: max(error, MIN_ERROR_SHARE * worst) for name, error in errors.items()}
 
 
-def _relative(a: float, b: float) -> float:
+def _relative_difference(a: float, b: float) -> float:
     if a != b:
         return abs(a - b) / max(abs(a), abs(b))
     return 0.0

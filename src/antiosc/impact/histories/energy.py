@@ -14,7 +14,7 @@ from antiosc.engine.contact.base import Compiled, is_compiled
 from antiosc.engine.march import Run
 from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly
-from antiosc.impact.states import blocks, contact_intervals, modal_loads, node_states
+from antiosc.impact.states import contact_intervals, modal_loads, node_states, step_blocks
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,7 +51,7 @@ class Energy(ReprMixin):
         return 0.0
 
 
-def replay(
+def replayed_energies(
     law: ContactLaw,
     force: Array,
     depth: Array,
@@ -76,7 +76,7 @@ def replay(
 
         if is_compiled(law):
             if law.has_memory:
-                stored[span], losses, state = _replay_memory(law, depth[span], state)
+                stored[span], losses, state = _replayed_touch(law, depth[span], state)
                 plastic[span] += losses
             else:  # the state lasts as long as the contact
                 stored[span] = law.energies(depth[span], state)
@@ -103,7 +103,7 @@ def replay(
     return stored, np.cumsum(plastic), damping
 
 
-def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Array, State]:
+def _replayed_touch(law: Compiled, depth: Array, state: State) -> tuple[Array, Array, State]:
     """(recoverable energy, loss at each node [J], (n,); final state) of one touch."""
     deepest_before = np.maximum.accumulate(np.append(state[1], depth[1:-1]))
     is_deeper = np.append(False, depth[1:] > deepest_before)
@@ -172,7 +172,7 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
     modal = np.empty(run.time.size)
     work = np.zeros(run.time.size - 1)
     braked = np.zeros(run.time.size - 1)
-    for first, last in blocks(run, a.system.omega.size):
+    for first, last in step_blocks(run, a.system.omega.size):
         q, v = node_states(run, a.system, first, last)
         nodes = slice(2 * first, 2 * last + 1)
         inner_nodes = slice(2 * first, 2 * last)
@@ -182,7 +182,7 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
         arrays = {name: getattr(run, name)[nodes] for name in ("time", "force", "depth")}
         part = replace(run, **arrays, states=None)
         if np.any(a.system.loads):
-            work[inner_nodes] = _work(a, part, q, v)
+            work[inner_nodes] = _load_work(a, part, q, v)
         if a.system.first is not None:
             contact_work = np.diff(path_work(part.force, q @ a.system.beta.T), axis=0).sum(axis=1)
             stored_change = np.diff(kinetic[nodes] + modal[nodes])
@@ -193,7 +193,7 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
     external_forces = a.external_forces(run.time)
     felt = external_forces - run.force @ a.G
     residual = felt @ a.r if np.any(a.r) else np.zeros_like(felt)
-    work, braked = _work_and_losses(a, run, kinetic + modal, work, braked)
+    work, braked = _cumulative_work_and_losses(a, run, kinetic + modal, work, braked)
     if a.scene.loads:
         loaded = np.any(external_forces, axis=0)
         work = work + path_work(external_forces[:, loaded], residual[:, loaded]).sum(axis=1)
@@ -207,7 +207,7 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
     )
 
 
-def _work_and_losses(
+def _cumulative_work_and_losses(
     a: Assembly, run: Run, mechanical: Array, work: Array, losses: Array
 ) -> tuple[Array, Array]:
     """Work of all loads and losses by damping [J] from the start up to each node, (n,) each.
@@ -269,7 +269,7 @@ def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     return np.asarray(np.sum(np.where(system.decay > 0, losses, 0.0), axis=1))
 
 
-def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
+def _load_work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     """Work (n - 1,) of the modal loads from node to node, by parts, at any step length."""
     time = run.time
     force = run.force
@@ -311,7 +311,7 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
         ]
         earlier = None if system.contact_states is None else system.contact_states[c]
         speeds = closed["speed"].tolist()
-        recoverable, plastic, damping = replay(law, force, depth, nodes, speeds, earlier)
+        recoverable, plastic, damping = replayed_energies(law, force, depth, nodes, speeds, earlier)
         stored += recoverable
         losses += plastic
         if law.rate_dependent:

@@ -19,7 +19,7 @@ from antiosc.models.stretch import Stretch, stretch_of
 #: What knows the motion of a body.
 AnyHistory = RunHistory | BodyHistory
 #: Times whose motion is in the memory together.
-AT_ONCE = 2000
+TIMES_AT_ONCE = 2000
 
 
 def no_field_message(model: object) -> str:
@@ -40,7 +40,7 @@ def _model_modes_stretch(
     return *history.of(body), history.assembly.stretched.get(history.name_of(body))
 
 
-def modes_of(history: AnyHistory, body: str) -> ModalBody | SiteModes:
+def modes_with_shapes(history: AnyHistory, body: str) -> ModalBody | SiteModes:
     """The free modes of a body with its shapes; InputError for a body without shapes."""
     model, modes, _ = _model_modes_stretch(history, body)
     if modes.basis is None:
@@ -48,7 +48,7 @@ def modes_of(history: AnyHistory, body: str) -> ModalBody | SiteModes:
     return modes
 
 
-def times_of(history: AnyHistory, times: ArrayLike | None) -> Array:
+def checked_times(history: AnyHistory, times: ArrayLike | None) -> Array:
     """Checked times (n,), by default those of the history."""
     if times is None:
         return history.time
@@ -68,7 +68,7 @@ def _motion_at(history: AnyHistory, times: Array, body: str) -> BodyHistory:
     return history.at(times)[history.name_of(body)]
 
 
-def stretch_in(history: AnyHistory, body: str) -> Stretch | None:
+def stretch_of_motion(history: AnyHistory, body: str) -> Stretch | None:
     """The second-order forces in the motion of a body; None for a linear motion."""
     return _model_modes_stretch(history, body)[2]
 
@@ -80,7 +80,7 @@ def stretch_shapes(history: AnyHistory, body: str) -> Array | None:
     if forces is None or stretch is None or (shapes := stretch.shapes_in(forces.modes)) is None:
         return None
 
-    modes = modes_of(history, body)
+    modes = modes_with_shapes(history, body)
     turn = stretch.modes.T @ forces.modes
     rows, columns = np.triu_indices(forces.size)
     following = stretch.modes @ stretch.following(turn, modes.omega)[:, rows, columns]
@@ -88,17 +88,17 @@ def stretch_shapes(history: AnyHistory, body: str) -> Array | None:
     return shapes + modes.field((modes.shape @ following).T).T
 
 
-def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0) -> Array:
+def shape_factors(history: AnyHistory, times: Array, body: str, derivative: int = 0) -> Array:
     """Factors (n, B) of the body's shapes at `times`, or their first or second derivatives.
 
     With second-order forces those of the pairs of modes follow: (n, B + m (m + 1)/2). Velocities
     and accelerations are those of the modes: a residual compliance follows the force.
     """
-    modes = modes_of(history, body)
+    modes = modes_with_shapes(history, body)
     motion = _motion_at(history, times, body)
     q = (motion.q, motion.v, motion.a)[derivative]
-    linear = _factors(modes, q, None if derivative else motion.forces)
-    forces = stretch_in(history, body)
+    linear = _factors_of_displacements(modes, q, None if derivative else motion.forces)
+    forces = stretch_of_motion(history, body)
     if forces is None:
         return linear
 
@@ -108,26 +108,28 @@ def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0
 
 def stretch_factors(history: AnyHistory, body: str) -> Array:
     """Factors (m, B) of the body's shapes for the modes with second-order forces."""
-    modes = modes_of(history, body)
-    forces = stretch_in(history, body)
+    modes = modes_with_shapes(history, body)
+    forces = stretch_of_motion(history, body)
     assert forces is not None
-    return _factors(modes, forces.modes.T)
+    return _factors_of_displacements(modes, forces.modes.T)
 
 
 def spring_amplitudes(history: AnyHistory, times: Array, body: str) -> list[Array]:
     """Factors (n, B) of the shapes for the spring of each Maxwell branch, at `times`."""
-    modes = modes_of(history, body)
-    return [_factors(modes, q) for q in _motion_at(history, times, body).springs]
+    modes = modes_with_shapes(history, body)
+    return [_factors_of_displacements(modes, q) for q in _motion_at(history, times, body).springs]
 
 
 def unit_energy_factors(modes: ModalBody | SiteModes) -> tuple[Array, int]:
     """Factors (2, B) that scale the shapes of each elastic mode to q'Kq = 1, and to q'Mq = 1."""
     elastic = modes.omega > 0
     q = np.vstack([np.where(elastic, 1 / np.where(elastic, modes.omega, 1.0), 0.0), elastic])
-    return _factors(modes, q), int(elastic.sum())
+    return _factors_of_displacements(modes, q), int(elastic.sum())
 
 
-def _factors(modes: ModalBody | SiteModes, q: Array, forces: Array | None = None) -> Array:
+def _factors_of_displacements(
+    modes: ModalBody | SiteModes, q: Array, forces: Array | None = None
+) -> Array:
     """Factors (n, B) of the body's shapes for modal displacements (n, J) and forces (n, P)."""
     if forces is None:
         forces = np.zeros((len(q), modes.B.shape[1]))
@@ -140,21 +142,21 @@ def modal_amplitudes(
     """Frequencies (J,) of a body's modes, their factors (J, B) and largest amplitudes (J,), without
     the quasi-static response to the forces; those of rigid-body modes are 0.
     """
-    modes = modes_of(history, body)
+    modes = modes_with_shapes(history, body)
     omega = modes.omega
 
     swing = np.zeros(modes.omega.size)
     sizes = np.zeros(modes.omega.size)
-    for block in np.array_split(times, -(-len(times) // AT_ONCE)):
+    for block in np.array_split(times, -(-len(times) // TIMES_AT_ONCE)):
         motion = _motion_at(history, block, body)
         # of the oscillation x: x' = v and x'' = a
         swing = np.maximum(swing, np.hypot(omega * motion.v, motion.a).max(axis=0))
 
     np.divide(swing, omega ** (2 - derivative), out=sizes, where=omega > 0)
-    return omega, _factors(modes, np.eye(omega.size)), sizes
+    return omega, _factors_of_displacements(modes, np.eye(omega.size)), sizes
 
 
-def forces_of(history: AnyHistory, times: Array, body: str) -> Array:
+def column_forces(history: AnyHistory, times: Array, body: str) -> Array:
     """Forces (n, P) [N] of contacts and loads on the columns of the body's model."""
-    modes_of(history, body)
+    modes_with_shapes(history, body)
     return _motion_at(history, times, body).forces

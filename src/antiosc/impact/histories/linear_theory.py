@@ -10,24 +10,24 @@ import numpy as np
 from antiosc.base import errors
 from antiosc.base._types import Array
 from antiosc.impact.histories.motion import RunHistory
-from antiosc.impact.states import free_steps, locate, states
+from antiosc.impact.states import free_steps, modal_states, steps_at
 
 #: Rotation [rad] of a body above which a warning is given.
 SMALL_ROTATION = 0.1
 #: Deflection over the thickness of a sheet that is held all around, up to which linear theory
 #: holds: at a clamped circle's half thickness stretching adds 11 % to the force, 1 + 0.443 (w/h)².
-LINEAR_DEFLECTION = 0.5
+LINEAR_DEFLECTION_RATIO = 0.5
 #: The same up to which forces to third order hold (measured).
-THIRD_ORDER_DEFLECTION = 3.0
+THIRD_ORDER_DEFLECTION_RATIO = 3.0
 #: The same from which the force may change by 0.3 %: 1.85 (w/h)² of a disc with a hinged edge that
 #: does not move (S. Timoshenko, S. Woinowsky-Krieger, *Theory of Plates and Shells*, table 82).
-SLIGHT_DEFLECTION, SLIGHT_CHANGE = 0.04, 3e-3
+SLIGHT_DEFLECTION_RATIO, SLIGHT_FORCE_CHANGE = 0.04, 3e-3
 #: Change of the force by second-order strain from which a curved sheet is told.
-CURVED_CHANGE = 0.1
+CURVED_FORCE_CHANGE = 0.1
 #: Looks at a run in a period of the lowest mode, as a flight is one step, and at most in all.
-SAMPLES_PER_PERIOD, MOST_SAMPLES = 32, 4096
-REMEDY = 'take the stretch "auto" of extract, which has these forces'
-EXPLICIT = "analyse it by an explicit finite element program"
+SAMPLES_PER_PERIOD, MAX_SAMPLES = 32, 4096
+STRETCH_REMEDY = 'take the stretch "auto" of extract, which has these forces'
+EXPLICIT_REMEDY = "analyse it by an explicit finite element program"
 
 
 def warn_large_rotation(name: str, angle: float) -> None:
@@ -37,7 +37,7 @@ def warn_large_rotation(name: str, angle: float) -> None:
         errors.warn(f"{told} {SMALL_ROTATION:g} rad.", errors.AccuracyWarning)
 
 
-def deflects(name: str, deflection: float, thickness: float) -> str:
+def deflection_text(name: str, deflection: float, thickness: float) -> str:
     """Start of a sentence on a deflection [m]."""
     return (
         f"{name!r} deflects by {1e3 * deflection:.3g} mm, {deflection / thickness:.3g} times its"
@@ -45,17 +45,17 @@ def deflects(name: str, deflection: float, thickness: float) -> str:
     )
 
 
-def beyond_theory(name: str, deflection: float, thickness: float, stretches: bool) -> str:
+def beyond_theory_text(name: str, deflection: float, thickness: float, stretches: bool) -> str:
     """Warning of a deflection [m] of a sheet beyond the theory of its run; "" if within."""
-    limit = THIRD_ORDER_DEFLECTION if stretches else LINEAR_DEFLECTION
+    limit = THIRD_ORDER_DEFLECTION_RATIO if stretches else LINEAR_DEFLECTION_RATIO
     if not deflection > limit * thickness:
         return ""
-    far = f"{deflects(name, deflection, thickness)}, more than {limit:g}, up to which"
+    far = f"{deflection_text(name, deflection, thickness)}, more than {limit:g}, up to which"
     if stretches:
-        return f"{far} second-order strain in a few modes holds: {EXPLICIT}."
+        return f"{far} second-order strain in a few modes holds: {EXPLICIT_REMEDY}."
     return (
         f"{far} linear theory holds: where its edges are held it stretches, forces are larger and"
-        f" deflections smaller than these; {REMEDY}."
+        f" deflections smaller than these; {STRETCH_REMEDY}."
     )
 
 
@@ -64,24 +64,24 @@ def large_deflection_message(history: RunHistory) -> str:
     worst = 0.0
     message = ""
 
-    for name, h in sheets(history, held=True):
+    for name, h in sheets_of_run(history, held=True):
         stretches = history.assembly.bodies[name].stretch is not None
-        w = deflection(history, name)
-        change = change_of_curved(history, name)
-        if abs(change) > CURVED_CHANGE and not stretches:
+        w = largest_deflection(history, name)
+        change = curved_force_change(history, name)
+        if abs(change) > CURVED_FORCE_CHANGE and not stretches:
             effect = "stiffer" if change > 0 else "softer, and it may snap through"
             return (
-                f"{deflects(name, w, h)}; it is a curved sheet: second-order strain changes its"
-                f" force by about {change:+.0%}: it is {effect}; {REMEDY}."
+                f"{deflection_text(name, w, h)}; it is a curved sheet: second-order strain changes"
+                f" its force by about {change:+.0%}: it is {effect}; {STRETCH_REMEDY}."
             )
         if w > worst * h:
             worst = w / h
-            message = beyond_theory(name, w, h, stretches)
+            message = beyond_theory_text(name, w, h, stretches)
 
     return message
 
 
-def change_of_curved(history: RunHistory, name: str) -> float:
+def curved_force_change(history: RunHistory, name: str) -> float:
     """Largest share of second-order strain in the force on a curved sheet; 0 for others."""
     body = history.assembly.bodies[name]
     shares = body.info.get("second_order")
@@ -100,13 +100,13 @@ def change_of_curved(history: RunHistory, name: str) -> float:
 def may_stretch(history: RunHistory) -> bool:
     """Whether second-order strain may change a linear run of sheets noticeably."""
     return any(
-        deflection(history, name) > SLIGHT_DEFLECTION * h
-        or abs(change_of_curved(history, name)) > SLIGHT_CHANGE
-        for name, h in sheets(history)
+        largest_deflection(history, name) > SLIGHT_DEFLECTION_RATIO * h
+        or abs(curved_force_change(history, name)) > SLIGHT_FORCE_CHANGE
+        for name, h in sheets_of_run(history)
     )
 
 
-def sheets(history: RunHistory, held: bool = False) -> Iterator[tuple[str, float]]:
+def sheets_of_run(history: RunHistory, held: bool = False) -> Iterator[tuple[str, float]]:
     """Yield name and thickness [m] of each sheet or thin solid, or of the `held` ones alone."""
     for name, body in history.assembly.bodies.items():
         h = body.info.thickness
@@ -115,12 +115,12 @@ def sheets(history: RunHistory, held: bool = False) -> Iterator[tuple[str, float
 
 
 #: Deflections of runs by bodies: texts, bars and choices ask for the same ones.
-_deflections: WeakKeyDictionary[RunHistory, dict[str, float]] = WeakKeyDictionary()
+_known_deflections: WeakKeyDictionary[RunHistory, dict[str, float]] = WeakKeyDictionary()
 
 
-def deflection(history: RunHistory, name: str) -> float:
+def largest_deflection(history: RunHistory, name: str) -> float:
     """Largest displacement [m] of a body's sites along the contacts, by elastic modes alone."""
-    known = _deflections.setdefault(history, {})
+    known = _known_deflections.setdefault(history, {})
     if name not in known:
         a = history.assembly
         omega = a.bodies[name].omega
@@ -137,7 +137,7 @@ def sampled_motion(history: RunHistory, omega: Array) -> Array:
     end = float(history.run.time[-1])
     periods = end * float(omega[omega > 0].min(initial=np.inf)) / (2 * np.pi)
     periods = periods if np.isfinite(periods) else 0.0
-    t = np.linspace(0.0, end, int(min(MOST_SAMPLES, SAMPLES_PER_PERIOD * (1 + periods))))
+    t = np.linspace(0.0, end, int(min(MAX_SAMPLES, SAMPLES_PER_PERIOD * (1 + periods))))
 
     run, system = history.run, history.assembly.system
-    return np.vstack([free_steps(run, system), states(run, system, *locate(run, t))[0]])
+    return np.vstack([free_steps(run, system), modal_states(run, system, *steps_at(run, t))[0]])

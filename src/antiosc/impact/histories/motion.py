@@ -20,14 +20,14 @@ from antiosc.impact.bodies import RigidBody, SceneBody
 from antiosc.impact.histories.energy import Energy, energy_balance
 from antiosc.impact.histories.parts import BodyHistory, ContactHistory, OneContact, SceneRun
 from antiosc.impact.states import (
-    blocks,
+    contact_forces,
     damping_states,
-    forces,
     free_steps,
-    locate,
     modal_loads,
+    modal_states,
     node_states,
-    states,
+    step_blocks,
+    steps_at,
 )
 from antiosc.models.modal import ModalBody, SiteModes
 
@@ -151,7 +151,7 @@ class RunHistory(OneContact):
 
     def force_at(self, t: ArrayLike) -> Array:
         """Contact force [N] at times (n,): the parabolas between the nodes."""
-        return np.maximum(forces(self.run, *self._located(t))[:, self._row], 0.0)
+        return np.maximum(contact_forces(self.run, *self._located(t))[:, self._row], 0.0)
 
     # -- at any time
 
@@ -161,12 +161,12 @@ class RunHistory(OneContact):
         The nodes may lie far apart in flight: values are not to be interpolated between them.
         """
         t = self._times_in_run(times)
-        return self._bodies(t, *self.states(t), forces(self.run, *locate(self.run, t)))
+        return self._bodies(t, *self.states(t), contact_forces(self.run, *steps_at(self.run, t)))
 
     def states(self, t: ArrayLike) -> tuple[Array, Array]:
         """Modal displacements and velocities (n, J) of all bodies, concatenated, at times (n,)."""
         a = self.assembly
-        return states(self.run, a.system, *self._located(t))
+        return modal_states(self.run, a.system, *self._located(t))
 
     def coordinates(self, t: ArrayLike, body: str = "structure") -> Array:
         """The coordinates of a body's model: lambda_0 ... lambda_N for `AntiOscillators`.
@@ -275,7 +275,7 @@ class RunHistory(OneContact):
             rows[columns, i] = (2 * i - 1) * a.G[self._row, columns]
 
         motion = np.empty((4, run.time.size))
-        for first, last in blocks(run, a.system.omega.size):
+        for first, last in step_blocks(run, a.system.omega.size):
             q, v = node_states(run, a.system, first, last)
             nodes = slice(2 * first, 2 * last + 1)
             motion[::2, nodes] = (q @ (a.B @ rows)).T
@@ -296,7 +296,7 @@ class RunHistory(OneContact):
         springs: list[list[Array]] = [[] for _ in a.bodies]
 
         if a.system.first is not None:
-            decelerations, springs = damping_states(self.run, a.system, *locate(self.run, time))
+            decelerations, springs = damping_states(self.run, a.system, *steps_at(self.run, time))
             accelerations -= decelerations
         elif a.system.damped:
             accelerations -= 2 * a.system.decay * v
@@ -325,7 +325,7 @@ class RunHistory(OneContact):
         return histories
 
     def _located(self, t: ArrayLike) -> tuple[Index, Array]:
-        return locate(self.run, self._times_in_run(t))
+        return steps_at(self.run, self._times_in_run(t))
 
     def _times_in_run(self, t: ArrayLike) -> Array:
         """Checked times (n,) within the run; InputError for others."""

@@ -22,7 +22,12 @@ from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import SceneBody
 from antiosc.impact.histories.energy import impulses
 from antiosc.impact.scene_parts import find_site, site_row
-from antiosc.impact.states import contact_intervals, record_of, starts, with_flight_nodes
+from antiosc.impact.states import (
+    c_record_of,
+    contact_intervals,
+    modal_start_states,
+    with_flight_nodes,
+)
 from antiosc.models.stretch import Stretch
 
 if TYPE_CHECKING:
@@ -173,7 +178,7 @@ class OneContact:
         run = self._record.run
         a = self._record.assembly
         touches, goes_on = self._touches
-        record, arrays = record_of(run)
+        record, arrays = c_record_of(run)
         system = posed = a.system
         size = system.omega.size
         if system.first is not None:  # of a mode it counts alone whether it is damped
@@ -185,7 +190,7 @@ class OneContact:
             stride = 2 * size
         else:
             steps = np.column_stack([touches["first"], touches["last"]]).ravel()
-            arrays.append(starts(run, system, steps)[1])
+            arrays.append(modal_start_states(run, system, steps)[1])
             velocities = library.address(arrays[-1])
             stride = 0
 

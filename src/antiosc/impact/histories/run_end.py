@@ -17,9 +17,9 @@ from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
 
 #: Messages of a run that ended as asked, and of one in which no contact closed.
-ALL_WELL, UNTOUCHED = "Completed.", "Never touched"
+COMPLETED_MESSAGE, UNTOUCHED_MESSAGE = "Completed.", "Never touched"
 #: Contacts, and scenes of a batch, that a message names.
-_MOST_NAMED = 5
+_MAX_NAMED = 5
 
 
 class RunEnd(NamedTuple):
@@ -63,17 +63,17 @@ def status_of(
     if doubt := inexact_message(ended, tol, limits[1]):
         return INEXACT, f"{doubt} {message}".rstrip()
     if untouched := no_contact_message(assembly, ended):
-        return COMPLETED, f"{UNTOUCHED}: {untouched}."
-    return (TOUCHING, message) if message else (COMPLETED, ALL_WELL)
+        return COMPLETED, f"{UNTOUCHED_MESSAGE}: {untouched}."
+    return (TOUCHING, message) if message else (COMPLETED, COMPLETED_MESSAGE)
 
 
-def warn_unless_well(status: int, message: str) -> None:
+def warn_unless_completed(status: int, message: str) -> None:
     """Warn at the caller's line with the message of a run that did not just complete."""
-    if message == ALL_WELL:
+    if message == COMPLETED_MESSAGE:
         return
 
-    expected = not status and message.startswith(UNTOUCHED)
-    text = message.removeprefix(ALL_WELL).lstrip()
+    expected = not status and message.startswith(UNTOUCHED_MESSAGE)
+    text = message.removeprefix(COMPLETED_MESSAGE).lstrip()
     errors.warn(text, None if expected else errors.AccuracyWarning)
 
 
@@ -105,8 +105,8 @@ def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
     if not contacts:
         return ""
 
-    names = ", ".join(f"{c.a!r} - {c.b!r}" for c in contacts[:_MOST_NAMED])
-    ellipsis = ", ..." if len(contacts) > _MOST_NAMED else ""
+    names = ", ".join(f"{c.a!r} - {c.b!r}" for c in contacts[:_MAX_NAMED])
+    ellipsis = ", ..." if len(contacts) > _MAX_NAMED else ""
 
     return (
         f"The run ends during contact of {names}{ellipsis}: contact time, impulse and peak force"
@@ -153,19 +153,19 @@ def _without_rounding(beta: Array, modal: Array) -> Array:
 
 def scenes_text(scenes: Sequence[int], size: int, worst: int) -> str:
     """Text: how many of `size` scenes, the first numbers of them, the worst."""
-    more = ", ..." * (len(scenes) > _MOST_NAMED)
-    numbers = ", ".join(map(str, scenes[:_MOST_NAMED]))
+    more = ", ..." * (len(scenes) > _MAX_NAMED)
+    numbers = ", ".join(map(str, scenes[:_MAX_NAMED]))
     return f"{len(scenes)} of {size} scenes ({numbers}{more}), as scene {worst}"
 
 
-def warn_batch(results: Sequence[tuple[int, str]], needed_radii: Sequence[float]) -> None:
+def warn_of_batch(results: Sequence[tuple[int, str]], needed_radii: Sequence[float]) -> None:
     """Warn once for each status in the results (status, message) of a batch.
 
     needed_radii : radius [m] of the patch that each scene needs, by which the worst is chosen.
     """
     kinds: dict[int, list[int]] = {}
     for i, (status, message) in enumerate(results):
-        if message != ALL_WELL:
+        if message != COMPLETED_MESSAGE:
             kinds.setdefault(status, []).append(i)
 
     for status, scenes in kinds.items():

@@ -12,10 +12,10 @@ from antiosc.models.modal import ModalBody
 
 #: Times of a run, and of its contacts, at which the displacement is looked for first; times that
 #: are then looked at beside each of the largest of these.
-TIMES, MOST_PEAKS, TIMES_PER_PEAK = 2000, 8, 60
+TIME_COUNT, MAX_PEAKS, TIMES_PER_PEAK = 2000, 8, 60
 #: First duration of an impact [s] that lasts until its bodies have parted, and the largest one over
 #: it.
-DURATION, LONGER = 1e-3, 32
+INITIAL_DURATION, LONGER = 1e-3, 32
 
 
 class SiteMotion(NamedTuple):
@@ -47,10 +47,10 @@ def site_motion(hit: RunHistory) -> SiteMotion | None:
 
     end = float(hit.run.time[-1])
     touched = hit.contacts[-1][1] if hit.contacts else end
-    times = np.union1d(*(np.linspace(0.0, last, TIMES) for last in (end, touched)))
+    times = np.union1d(*(np.linspace(0.0, last, TIME_COUNT) for last in (end, touched)))
     sizes = moved(times)
 
-    for k in np.argsort(-sizes)[:MOST_PEAKS]:
+    for k in np.argsort(-sizes)[:MAX_PEAKS]:
         near = times[max(k - 1, 0)], times[min(k + 1, times.size - 1)]
         beside = np.linspace(*near, TIMES_PER_PEAK)
         times, sizes = np.append(times, beside), np.append(sizes, moved(beside))

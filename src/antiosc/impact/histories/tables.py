@@ -19,14 +19,14 @@ from antiosc.base.texts import ReprMixin
 from antiosc.models.anti_oscillators import FORMAT_VERSION, read_model_file, write_model_file
 
 #: The format of a file of results.
-FORMAT = "antiosc-history"
+FILE_FORMAT = "antiosc-history"
 #: Endings of tables, which `save` does not write.
-TABLES = {".csv", ".json", ".txt", ".xlsx", ".mat"}
+TABLE_ENDINGS = {".csv", ".json", ".txt", ".xlsx", ".mat"}
 #: Largest table that is loaded, bytes.
-MOST_BYTES = 2**30
+MAX_TABLE_BYTES = 2**30
 
 
-class Results(ReprMixin):
+class SavableResults(ReprMixin):
     """Base of histories that can be written as tables, numbers and files.
 
     Subclasses define `columns` and `numbers`.
@@ -51,7 +51,7 @@ class Results(ReprMixin):
         target = checks.path("path", path)
         table = self.columns()
         stream = io.StringIO()
-        stream.write(",".join(_quoted(name) for name in table) + "\n")
+        stream.write(",".join(_csv_quoted(name) for name in table) + "\n")
         np.savetxt(stream, np.column_stack(list(table.values())), fmt="%.17g", delimiter=",")
         files.write_text(target, stream.getvalue(), "the table")
 
@@ -102,14 +102,14 @@ class Results(ReprMixin):
         """
         target = checks.path("path", path)
         table = self.columns()
-        if target.suffix.lower() in TABLES:
+        if target.suffix.lower() in TABLE_ENDINGS:
             raise InputError(
                 f"save writes a NumPy archive (.npz), not {target.suffix}: use to_csv or to_json "
                 f"for a table, or another ending than {target.name} has."
             )
 
         header = {
-            "format": FORMAT,
+            "format": FILE_FORMAT,
             "version": FORMAT_VERSION,
             "names": list(table),
             "numbers": self.numbers(),
@@ -127,7 +127,7 @@ class Results(ReprMixin):
         InputError
             The file is not one that `save` wrote.
         """
-        header, arrays = read_model_file(path, {"table"}, FORMAT, MOST_BYTES)
+        header, arrays = read_model_file(path, {"table"}, FILE_FORMAT, MAX_TABLE_BYTES)
 
         try:
             names = list(map(str, header["names"]))
@@ -139,7 +139,7 @@ class Results(ReprMixin):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SavedHistory(Results):
+class SavedHistory(SavableResults):
     """A history from a file: its table and its single results, without model and fields.
 
     Attributes
@@ -179,7 +179,7 @@ class SavedHistory(Results):
         return [*rows, *((k, f"{v}") for k, v in self.results.items() if k == "peak_force")]
 
 
-def _quoted(name: str) -> str:
+def _csv_quoted(name: str) -> str:
     """A column name, quoted for CSV if necessary."""
     name = files.table_text(name)
     if any(c in name for c in ',"\n\r'):

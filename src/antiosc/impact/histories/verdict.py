@@ -24,25 +24,25 @@ from antiosc.models.body import choice_at_sites, site_points
 #: Radii of a contact that the margin of a solid leaves out about it. There Hertz's von Mises stress
 #: is 4 % of its largest on the surface and 17 % below the contact (nu = 0.3; Johnson, *Contact
 #: Mechanics*, 3.4), and the plastic zone of a full dent has 2 to 3 radii (6.3).
-CONTACT_RADII = 3.0
+PLASTIC_ZONE_RADII = 3.0
 #: Directions from a contact, and distances over the radius of a patch, at which Hertz's stress is
 #: evaluated: beyond the farthest the size of the patch changes 2e-4 of its pressure.
-ANGLES, DISTANCES = 19, 40
-NEAR, FAR = 0.02, 20.0
+ANGLE_COUNT, DISTANCE_COUNT = 19, 40
+MIN_DISTANCE_RATIO, MAX_DISTANCE_RATIO = 0.02, 20.0
 #: Radius over the thickness of a sheet of the circle on which a point force acts (Westergaard).
-POINT_CIRCLE = 0.325
+POINT_CIRCLE_RATIO = 0.325
 
 
-def choice_at(contact: OneContact) -> Choice | None:
+def law_choice(contact: OneContact) -> Choice | None:
     """The law that the surfaces of a contact require; None if a surface is unknown."""
     try:
-        (_, first, one), (_, second, other) = _ends(contact)
+        (_, first, one), (_, second, other) = _contact_sides(contact)
         return choice_at_sites(first, second, (one, other))
     except InputError:
         return None
 
 
-def _ends(contact: OneContact) -> list[tuple[str, Any, str]]:
+def _contact_sides(contact: OneContact) -> list[tuple[str, Any, str]]:
     """(name, body, site) of both sides of a contact."""
     scene = contact._record.assembly.scene
     parts = scene.contacts[contact._row]
@@ -50,7 +50,7 @@ def _ends(contact: OneContact) -> list[tuple[str, Any, str]]:
     return [(name, scene.bodies[name], site) for name, _, site in ends]
 
 
-def yields(contact: OneContact) -> bool:
+def does_yield(contact: OneContact) -> bool:
     """Whether a contact yields, by its law or by the law that its surfaces require."""
     share = yield_share(contact)
     return share is not None and share > 1
@@ -66,7 +66,7 @@ def _law_with_yield(contact: OneContact) -> ElasticPlastic | None:
     """The elastic-plastic law of a contact, given or from its surfaces; None if there is none."""
     law = contact.law
     if not isinstance(law, ElasticPlastic):
-        choice = choice_at(contact) if isinstance(law, Hertz) else None
+        choice = law_choice(contact) if isinstance(law, Hertz) else None
         law = law if choice is None else choice.law
     return law if isinstance(law, ElasticPlastic) else None
 
@@ -85,7 +85,7 @@ class ContactZone(NamedTuple):
     @property
     def ball(self) -> Array:
         """Ball x, y, z, radius (4,) [m] around the contact that a solid's margin leaves out."""
-        return np.append(self.point, CONTACT_RADII * self.radius)
+        return np.append(self.point, PLASTIC_ZONE_RADII * self.radius)
 
     def spread(self, patch: float, distance: Array) -> Array:
         """Effect of spreading the force over a larger circle of radius `patch` [m].
@@ -95,14 +95,14 @@ class ContactZone(NamedTuple):
         a circle of 0.325 of its thickness (Westergaard).
         """
         if self.thickness:
-            least = max(self.radius, POINT_CIRCLE * self.thickness)
+            least = max(self.radius, POINT_CIRCLE_RATIO * self.thickness)
             bending = 1.5 * self.force * (1 + self.nu) / (np.pi * self.thickness**2)
             return bending * np.log(np.maximum(patch / np.maximum(distance, least), 1.0))
         if patch <= self.radius:
             return np.zeros(len(distance))
 
-        angles = np.linspace(0.0, np.pi / 2, ANGLES)
-        rho = patch * np.geomspace(NEAR, FAR, DISTANCES)[:, None]
+        angles = np.linspace(0.0, np.pi / 2, ANGLE_COUNT)
+        rho = patch * np.geomspace(MIN_DISTANCE_RATIO, MAX_DISTANCE_RATIO, DISTANCE_COUNT)[:, None]
         r, z = rho * np.sin(angles), rho * np.cos(angles)
         contact, circle = (
             hertz_stresses(self.force, radius, self.nu, r, z) for radius in (self.radius, patch)
@@ -121,13 +121,13 @@ def contact_zones(contacts: Iterable[OneContact], body: str) -> list[ContactZone
         radius, nu = size
         zones += [
             ContactZone(point, radius, patch, contact.peak_force, nu)
-            for point, patch in _places(contact, body)
+            for point, patch in _contact_points(contact, body)
         ]
 
     return zones
 
 
-def _places(contact: OneContact, body: str) -> Iterator[tuple[Array, float]]:
+def _contact_points(contact: OneContact, body: str) -> Iterator[tuple[Array, float]]:
     """Yield (point (3,), radius of the patch) [m] of each side of a contact on a body, if known."""
     scene = contact._record.assembly
     parts = scene.scene.contacts[contact._row]
@@ -143,44 +143,48 @@ def _contact_size(contact: OneContact) -> tuple[float, float] | None:
     if law is not None and contact.peak_force > law.yield_force:
         return rim_radius(law, contact.deepest), law.nu
 
-    choice = choice_at(contact)
+    choice = law_choice(contact)
     if choice is None or not choice.curvature or not contact.peak_force > 0:
         return None
     if not isinstance(choice.law, Hertz | ElasticPlastic):
         return None
 
     depth = (contact.peak_force / choice.law.stiffness) ** (2 / 3)
-    softer = min((side for side in _materials(contact) if not side.rigid), key=lambda side: side.E)
+    softer = min(
+        (side for side in _contact_materials(contact) if not side.rigid), key=lambda side: side.E
+    )
     return sqrt(depth / choice.curvature), softer.nu
 
 
 def unknown_dent(contact: OneContact) -> str:
     """Text: why a contact may have left a dent that its law does not give; "" if it has not."""
-    choice = choice_at(contact)
+    choice = law_choice(contact)
     if choice is None or not choice.unknown:
         return ""
     return "unknown (give the yield strength)" if lacks_strength(choice) else "unknown"
 
 
-def sentence(contact: OneContact) -> str:
+def yield_sentence(contact: OneContact) -> str:
     """Sentence on whether the contact yields and its dent; "" if nothing is known."""
-    return " ".join(filter(None, [_yielding(contact), crack_note(_materials(contact))]))
+    return " ".join(
+        filter(None, [_yields_sentence(contact), crack_note(_contact_materials(contact))])
+    )
 
 
-def _materials(contact: OneContact) -> list[Matter]:
+def _contact_materials(contact: OneContact) -> list[Matter]:
     """The materials of both sides of a contact; empty if they are not known."""
-    if choice_at(contact) is None:
+    if law_choice(contact) is None:
         return []
-    surfaces = [body.surface(site) for _, body, site in _ends(contact)]
+    surfaces = [body.surface(site) for _, body, site in _contact_sides(contact)]
     return [] if None in surfaces else [surface.matter for surface in surfaces]
 
 
-def _yielding(contact: OneContact) -> str:
+def _yields_sentence(contact: OneContact) -> str:
     """Sentence on whether the contact yields; empty if unknown."""
     if not contact.peak_force > 0:
         return ""
 
-    choice = choice_at(contact)
+    choice = law_choice(contact)
     law = contact.law
     unknown = choice is not None and lacks_strength(choice)
     if isinstance(law, ElasticPlastic) and not (unknown and contact.peak_force <= law.yield_force):
@@ -200,7 +204,7 @@ def _yielding(contact: OneContact) -> str:
 
 def law_text(contact: OneContact) -> str:
     """The law of a contact in words, with the reason for its choice."""
-    choice = choice_at(contact)
+    choice = law_choice(contact)
     law = contact.law
     name = type(law).__name__
     if choice is None or choice.law != law:
@@ -210,7 +214,7 @@ def law_text(contact: OneContact) -> str:
 
 def law_error_text(contact: OneContact) -> str:
     """Text: error of the peak force due to a law chosen by "auto"; "" for a law that was given."""
-    choice = choice_at(contact)
+    choice = law_choice(contact)
     if choice is None or choice.law != contact.law or not contact.peak_force > 0:
         return ""
     start, end = contact.contacts[0]
@@ -252,12 +256,14 @@ BODY_WORDS = {"structure": "the part", "impactor": "the striker"}
 
 def weaker_side(contact: OneContact) -> str:
     """Name of the material that yields first, or else of its body; "" if the user gave the law."""
-    choice = choice_at(contact)
+    choice = law_choice(contact)
     if choice is None or choice.law != contact.law or choice.soft is None:
         return ""
 
     owners = [
-        name for name, body, site in _ends(contact) if body.surface(site).matter == choice.soft
+        name
+        for name, body, site in _contact_sides(contact)
+        if body.surface(site).matter == choice.soft
     ]
     material = choice.soft.name
     if len(owners) != 1:
