@@ -248,7 +248,7 @@ _FILE_HEAD = """\
 """
 
 _MAIN_FUNCTION = """
-#ifdef {upper}_MAIN_FUNCTION
+#ifdef {upper}_MAIN
 #include <stdio.h>
 
 int main(void) {{

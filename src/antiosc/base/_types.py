@@ -10,8 +10,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Figure
     from numpy.typing import ArrayLike as ArrayLike, NDArray as NDArray
 else:
-    Figure = ArrayLike = Any  # matplotlib is loaded where a picture is drawn
+    Figure = Any  # matplotlib is loaded where a picture is drawn
     NDArray = np.ndarray  # numpy.typing takes long to load
+
+    class ArrayLike:
+        """Stands for numpy.typing.ArrayLike: scene files read the types of arguments."""
+
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

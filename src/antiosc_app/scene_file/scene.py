@@ -477,7 +477,7 @@ def set_requested(build: Builder, compiled: CompiledScene) -> None:
         if wanted is not False:
             _check_srs(build, name, keys.get("quantity", "displacement"), wanted)
             spectra[name] = replace(
-                probe, function=shock_of_probe, arguments={"told_at": wanted, **keys}
+                probe, function=shock_of_probe, arguments={"srs_key": wanted, **keys}
             )
         probes[name] = replace(probe, arguments={"times": times, **keys})
     compiled.probes, compiled.spectra = probes, spectra

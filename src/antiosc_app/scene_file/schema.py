@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 import antiosc
 from antiosc import ContactLaw, LinearBody
-from antiosc.base import checks
+from antiosc.base import _types, checks
 from antiosc.models.modal import as_damping
 
 # -- what becomes of values
@@ -100,7 +100,7 @@ def form_of(annotation: object) -> ValueForm | None:
     """The form of an annotation; None if no file can hold it: functions, communicators."""
     if isinstance(annotation, dataclasses.InitVar):
         return form_of(annotation.type)
-    if annotation is ArrayLike:
+    if annotation in (ArrayLike, _types.ArrayLike):
         return ARRAY_FORM
     if hasattr(annotation, "__value__"):  # a name for a type, as NDArray is from NumPy 2.4 on
         return form_of(annotation.__value__)

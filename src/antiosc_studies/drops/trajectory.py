@@ -129,7 +129,7 @@ def _rests(
     if state.centre[2] + heights.min() > CARRYING_HEIGHT * body.extent:
         return False
 
-    carrying = arms[heights < heights.min() + CARRYING_HEIGHT * body.extent]
+    carrying = arms[heights <= heights.min() + CARRYING_HEIGHT * body.extent]
     W = body.rigid_modes(state.R)[0]
     energy = _stoppable_energy(body, state, W, carrying, setting.floor.friction > 0)
     pressed = {i: contact for i, contact in ongoing.items() if contact.force[0] > 0}
