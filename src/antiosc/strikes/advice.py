@@ -150,8 +150,8 @@ def advise(
         if slender[family] < MIN_SLENDERNESS:
             missing_names.append(f"slenderness {slender[family]:.2g} ≤ {MIN_SLENDERNESS:g}")
         if family != "solid" and contact > MAX_CONTACT_RADIUS_RATIO * thickness:
-            limit = f"≥ {MAX_CONTACT_RADIUS_RATIO:g} of the thickness"
-            share = f"{contact / thickness:.2g} {limit}"  # as rounded
+            largest = f"{MAX_CONTACT_RADIUS_RATIO:g} of the thickness"
+            share = f"{contact / thickness:.2g} ≥ {largest}"  # as rounded
             missing_names.append(f"contact radius {engineering(contact, 'm')}, {share}")
         if not missing_names:
             break
