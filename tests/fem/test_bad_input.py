@@ -99,7 +99,8 @@ WRONG = [
     # files
     (lambda: ao.read_mesh(3), "read_mesh takes a file or a dolfinx mesh; got 3"),
     *((lambda wrong=wrong: ao.read_mesh("meshes/bracket.step", size=0.1, refine=[wrong]), "refine")
-      for wrong in (0.1, ((0.1, 0.2, 0.3), 0.1, -4), (0.1, 0.2))),
+      for wrong in (0.1, ((0.1, 0.2, 0.3), 0.1, -4),
+                    ((0.1, 0.2, 0.3), 0.1, 1, 9), (0.1, 0.2))),
     (lambda: tagged(4), "no entity of the mesh tags has the value 4"),
     (lambda: ao.read_mesh("meshes/lever.msh", groups={"body": (None, 3)}), "groups"),
     (lambda: ao.read_mesh("meshes/lever.msh", comm=MPI.COMM_NULL), "COMM_NULL"),

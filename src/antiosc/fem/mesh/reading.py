@@ -486,15 +486,15 @@ def check_refinements(refine: Sequence[Refinement]) -> None:
 
     for refinement in refine:
         try:
-            point, local, *growth = refinement
+            point, local, growth = refinement if len(refinement) == 3 else (*refinement, 1.0)
             shape = (len(point),)
         except (TypeError, ValueError) as error:
-            pairs = "refine lists pairs (point, size), as [((0, 0, 0.1), 2e-3)]"
+            pairs = "refine lists (point, size) or (point, size, growth), as [((0, 0, 0.1), 2e-3)]"
             raise InputError(f"{pairs}; got {shown(refinement)}.") from error
+
         floats("a point of refine", point, shape)
         positive("a size of refine", local, "m")
-        for value in growth:
-            positive("a growth of refine", value)
+        positive("a growth of refine", growth)
 
 
 def _check_selection(cells: object) -> None:
