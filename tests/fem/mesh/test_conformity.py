@@ -190,7 +190,7 @@ WRONG = [
     ({"gdim": 4}, "gdim must be"),
     ({"order": 3}, "order must be"),
     ({"refine": "here"}, "refine must be a list of pairs"),
-    ({"refine": [(0, 0, 0.1)]}, "refine lists pairs"),
+    ({"refine": [(0, 0, 0.1)]}, "refine lists .point, size."),
     ({"refine": [((0, 0), 0.0)]}, "a size of refine must be > 0"),
     ({"cells": []}, "cells must be a dimension or names of groups"),
     ({"cells": ""}, "cells must be a name"),
