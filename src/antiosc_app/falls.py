@@ -16,8 +16,8 @@ from antiosc_app.headline import WIDE_BAR, stress_sentences
 from antiosc_app.live import Data
 from antiosc_app.live_meshes import geometry_data, surface_of_cells
 from antiosc_studies.drops.fall import WorstField
-from antiosc_studies.drops.impacts import force_of
-from antiosc_studies.drops.pictures import at, surface_of
+from antiosc_studies.drops.impacts import total_force
+from antiosc_studies.drops.pictures import state_at, surface_of
 
 #: Number of times at which the page shows the part in one flight at most.
 MAX_FLIGHT_FRAMES = 40
@@ -39,7 +39,7 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
     frames = max(2, min(MAX_FLIGHT_FRAMES, FRAME_COUNT // len(ends)))
     flights = [np.linspace(*ends_of_flight, frames) for ends_of_flight in pairwise(ends)]
     times = np.unique(np.concatenate(flights))
-    states = [at(fall, time) for time in times.tolist()]
+    states = [state_at(fall, time) for time in times.tolist()]
     part = geometry_data(points, faces)
     if worst is not None:
         nearest = cKDTree(worst.points - fall.body.centre).query(points)[1]
@@ -82,9 +82,9 @@ def _impact_data(fall: Fall, k: int, times: Array) -> Data:
     """The data of impact `k` for the page; `times` [s] are those of the page's frames."""
     impact = fall.impacts[k]
     body = fall.body
-    touch = at(fall, fall.impacts[k].time)
+    touch = state_at(fall, fall.impacts[k].time)
     bar = f" ± {percent(impact.law_error)}" if impact.law_error else ""
-    time, force = force_of([fall.episodes[i] for i in fall.groups[k]])
+    time, force = total_force([fall.episodes[i] for i in fall.groups[k]])
     samples = np.linspace(0.0, float(time[-1]), FORCE_SAMPLE_COUNT)
     return {
         **{name: getattr(impact, name) for name, _ in IMPACT_UNITS},

@@ -19,7 +19,7 @@ from antiosc.engine.contact.curvature import CURVED, SHARP_KINDS
 from antiosc.engine.contact.surfaces import RIGID_MATTER, Surface, matter_of
 from antiosc.models.body import Body
 from antiosc.reduce.site import functional
-from antiosc_studies.drops.floor import Floor, law_of
+from antiosc_studies.drops.floor import Floor, contact_law
 
 
 @checks.within_range
@@ -66,7 +66,7 @@ def contact_between(
 
     if not isinstance(other, Floor):
         return choose_law(surface, _surface_of_other(other, at)).law
-    return law_of(other, surface)
+    return contact_law(other, surface)
 
 
 def _surface_of_other(other: Any, at: object) -> Surface:

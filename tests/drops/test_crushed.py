@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc_studies.drops.crushed import crushed, cut_growth, tip
+from antiosc_studies.drops.crushed import crushed_law, cut_area_factor, tip_height
 
 pytestmark = pytest.mark.fem
 PLASTIC = ao.Solid(E=2.3e9, nu=0.36, rho=1050.0, yield_strength=42e6, yield_range=(38e6, 46e6))
@@ -27,24 +27,24 @@ def at_work(law: ao.ContactLaw, work: float) -> float:
 
 def test_the_cut_of_a_cube_on_its_corner_and_the_ball_in_it() -> None:
     """An equilateral triangle, 3√3/2 d²; a ball of radius R lies (√3 - 1) R above the corner."""
-    assert cut_growth(CUBE, DIAGONAL) == pytest.approx(1.5 * np.sqrt(3))
-    assert tip(CUBE, DIAGONAL, 2.0) == pytest.approx(2 * (np.sqrt(3) - 1))
+    assert cut_area_factor(CUBE, DIAGONAL) == pytest.approx(1.5 * np.sqrt(3))
+    assert tip_height(CUBE, DIAGONAL, 2.0) == pytest.approx(2 * (np.sqrt(3) - 1))
     finer = np.concatenate([[[a, a + b], [a + b, b]] for a, b in CUBE])  # each face of two facets
-    assert cut_growth(finer, DIAGONAL) == pytest.approx(1.5 * np.sqrt(3))
-    assert cut_growth(CUBE, np.array([0.0, 0.0, 1.0])) is None  # lies on a face
+    assert cut_area_factor(finer, DIAGONAL) == pytest.approx(1.5 * np.sqrt(3))
+    assert cut_area_factor(CUBE, np.array([0.0, 0.0, 1.0])) is None  # lies on a face
 
 
 @pytest.mark.parametrize("work", [1e-3, 0.05])
 def test_a_deep_corner_carries_the_pressure_on_its_pyramid(work: float) -> None:
     """F = p k d², after the work F d/3: F³ = 9 W² p k."""
     ball, k = ao.ElasticPlastic(1e13, 1e-6, 42e6, 0.36), 1.5 * np.sqrt(3)
-    law = crushed(ball, k, 0.0, work)
+    law = crushed_law(ball, k, 0.0, work)
     assert at_work(law, work) == pytest.approx(np.cbrt(9 * work**2 * 2.4 * 42e6 * k), rel=5e-3)
 
 
 def test_a_shallow_dent_is_that_of_the_ball() -> None:
     ball = ao.ElasticPlastic(2.5e9, 4e-3, 42e6, 0.36)
-    assert crushed(ball, 2.6, tip(CUBE, DIAGONAL, 4e-3), 1e-5) is ball
+    assert crushed_law(ball, 2.6, tip_height(CUBE, DIAGONAL, 4e-3), 1e-5) is ball
 
 
 @pytest.mark.slow

@@ -18,13 +18,13 @@ from antiosc.base import progress
 from antiosc.base.texts import engineering, percent
 from antiosc_app import falls, results
 from antiosc_studies.drops.body import free_body
-from antiosc_studies.drops.episode import handed_over
+from antiosc_studies.drops.episode import final_state
 from antiosc_studies.drops.fall import fall_of, initial_state
-from antiosc_studies.drops.flight import Flight, displacement_bounds, free_rotation, ringing
+from antiosc_studies.drops.flight import Flight, displacement_bounds, free_rotation, free_vibration
 from antiosc_studies.drops.floor import law_at
 from antiosc_studies.drops.free_body import State
 from antiosc_studies.drops.impacts import Impacts
-from antiosc_studies.drops.orientation import tilted
+from antiosc_studies.drops.orientation import tilt_rotation
 from antiosc_studies.drops.touching import BODY, Touch
 from falling import CORNERS, HALF, G, bar, block, floating, landed, setting, started
 from law_formulas import restitution_of
@@ -200,7 +200,11 @@ def test_what_a_hand_over_keeps(friction: float) -> None:
     body.decay = np.zeros(2)
     where = setting(ao.Hertz(1e9), friction, impacts=3, tol=1e-4 if friction else 1e-5)
     start = initial_state(
-        body, where, tilted(np.array([8.0, 14.0, 5.0])), np.array([9.0, -4.0, 6.0]), np.zeros(3)
+        body,
+        where,
+        tilt_rotation(np.array([8.0, 14.0, 5.0])),
+        np.array([9.0, -4.0, 6.0]),
+        np.zeros(3),
     )
     fall = fall_of(body, start, where)
     for one in fall.episodes:
@@ -230,18 +234,18 @@ def test_a_hand_over_keeps_the_energy_at_any_tol(
 
     def kept(touch: Touch, history: Any, path: Any, which: Any) -> Any:
         body, start = touch[:2]
-        found = handed_over(touch, history, path, which)
+        found = final_state(touch, history, path, which)
         scene = history.at(path.times[-1:])[BODY]
         L = path.R[-1].T @ scene.angular_momentum()[0]
         q, v, P = scene.q[0], scene.v[0], scene.momentum[0]
-        moving = P @ P / body.mass + L @ body.inverse @ L + v[6:] @ v[6:]
+        moving = P @ P / body.mass + L @ body.inverse_inertia @ L + v[6:] @ v[6:]
         strain = (body.omega**2 * q[6:]) @ q[6:]
         z = start.centre[2] + q[2] / np.sqrt(body.mass)
         known = (moving + strain) / 2 + body.mass * G * z
         ends.append((known, sum(found[0].energies(body, G))))
         return found
 
-    monkeypatch.setattr("antiosc_studies.drops.episode.handed_over", kept)
+    monkeypatch.setattr("antiosc_studies.drops.episode.final_state", kept)
     rigid = free_body(block(), 0, None, None)
     for body, tilt in ((bar(), (8.0, 14.0, 5.0)), (rigid, (0.02, 0.05, 0))):
         where = setting(law, 0.3, impacts=3, tol=tol)
@@ -258,7 +262,7 @@ def test_a_face_that_lands_flat_keeps_the_energy(
     """Two or four corners at once; on edge the corners press the block out of its balance."""
     body, where = free_body(block(), 0, None, None), setting(law, height=1.0, tol=1e-3)
     fall = fall_of(body, started(body, where, tilt), where)
-    assert len(fall.episodes[0].which) > 1
+    assert len(fall.episodes[0].indices) > 1
     energy = fall.energy()[1].sum(axis=1)
     np.testing.assert_allclose(energy, energy[0], rtol=5e-5)
 
@@ -267,10 +271,14 @@ def test_a_face_that_lands_flat_keeps_the_energy(
 def test_a_spinning_block_lands_as_eulers_equations_say(friction: float, rounded: float) -> None:
     """The first impact in space, where the body turns by 15 degrees and its spin with it."""
     body, k = free_body(block(), 0, None, None), 1e6
-    body.balls[:] = rounded
+    body.ball_radii[:] = rounded
     where = setting(ao.Hertz(k), friction, impacts=1)
     start = initial_state(
-        body, where, tilted(np.array([30.0, 40.0, 5.0])), np.array([9.0, -14.0, 26.0]), np.zeros(3)
+        body,
+        where,
+        tilt_rotation(np.array([30.0, 40.0, 5.0])),
+        np.array([9.0, -14.0, 26.0]),
+        np.zeros(3),
     )
     one = fall_of(body, start, where).episodes[0]
     R, v, L, peak = landed(body, one, k, friction)
@@ -288,10 +296,14 @@ def test_a_contact_that_is_cut_goes_on(law: ao.ContactLaw, monkeypatch: pytest.M
     body, found = free_body(block(), 0, None, None), []
     where = setting(law, 0.3, impacts=1)
     start = initial_state(
-        body, where, tilted(np.array([30.0, 40.0, 5.0])), np.array([9.0, -14.0, 26.0]), np.zeros(3)
+        body,
+        where,
+        tilt_rotation(np.array([30.0, 40.0, 5.0])),
+        np.array([9.0, -14.0, 26.0]),
+        np.zeros(3),
     )
     for turns in (1.0, 0.05):
-        monkeypatch.setattr("antiosc_studies.drops.episode.MOST_TURN", turns)
+        monkeypatch.setattr("antiosc_studies.drops.episode.LARGEST_ROTATION", turns)
         fall = fall_of(body, start, where)
         one = fall.impacts[0]
         found.append([one.peak_force, one.impulse, one.lost, *fall.end.momentum * 1e3])
@@ -309,7 +321,7 @@ def test_a_slender_body_rolls_over_its_corners() -> None:
     floor = ao.Floor(law=ao.HuntCrossley(1e5, 0.4), friction=0.3)
     fall = ao.drop(bar, 0.05, (20, 0, 0), floor, until=3, tol=1e-2)
     for one in fall.episodes:
-        assert one.end.heights(fall.body).min() > -1.01 * one.pressed
+        assert one.end.heights(fall.body).min() > -1.01 * one.largest_approach
     assert np.arccos(fall.end.R[2] @ fall.start.R[2]) > 0.3  # it has rolled
 
 
@@ -317,15 +329,15 @@ def test_free_flight_is_exact() -> None:
     body = bar()
     L = np.array([0.002, -0.02, 0.03])
     none = np.zeros(2)
-    start = State(0.0, np.array([0, 0, 1.0]), np.zeros(3), tilted(np.array([20.0, 30.0, 0.0])), L,
-                  none, np.array([0.01, 0.003]))  # fmt: skip
+    R = tilt_rotation(np.array([20.0, 30.0, 0.0]))
+    start = State(0.0, np.array([0, 0, 1.0]), np.zeros(3), R, L, none, np.array([0.01, 0.003]))
     flight = Flight(body, start, G)
-    found = flight.touch(flight.longest())
+    found = flight.first_touch(flight.longest_duration())
     assert found is not None
     every = np.arange(2)
     assert abs(flight.heights(np.array([found]), every).min()) < 1e-9
     assert (flight.heights(np.linspace(0, 0.9999 * found, 3000), every) > 0).all()
-    end = flight.at(found)
+    end = flight.state_at(found)
     spin = [0.5 * L @ s.spin(body) for s in (start, end)]
     assert spin[1] == pytest.approx(spin[0], rel=1e-7)
     np.testing.assert_allclose(end.R @ end.R.T, np.eye(3), atol=1e-12)
@@ -338,8 +350,8 @@ def test_free_flight_is_exact() -> None:
 )  # fmt: skip
 def test_a_tumbling_body_turns_as_eulers_equations_say(moments: list[float], handed: int) -> None:
     """Slow and fast precession, symmetric bodies, a mirrored set of axes."""
-    axes = tilted(np.array([50.0, -20.0, 75.0])) * np.array([[1.0], [handed], [1.0]])
-    R = tilted(np.array([10.0, 130.0, 40.0]))
+    axes = tilt_rotation(np.array([50.0, -20.0, 75.0])) * np.array([[1.0], [handed], [1.0]])
+    R = tilt_rotation(np.array([10.0, 130.0, 40.0]))
     inverse = (axes.T / moments) @ axes
     t = np.linspace(0.0, 5.0, 4)
     for spin in ([2.0, 0.3, 0.5], [0.3, 0.1, 3.0], [0.5, -2.0, -0.4]):
@@ -361,7 +373,7 @@ def test_a_bar_flies_as_in_a_floating_frame() -> None:
     where = setting(ao.Hertz(k), impacts=3)
     start = started(body, where, (0.0, 30.0, 0.0))
     fall = fall_of(body, start, where)
-    touch = Flight(body, start, G).at(fall.episodes[0].start.time - 1e-5)
+    touch = Flight(body, start, G).state_at(fall.episodes[0].start.time - 1e-5)
     peaks = floating(body, touch, k, fall.episodes[-1].end.time - touch.time + 1e-5)
     mine = fall.impacts.column("peak_force")
     np.testing.assert_allclose(mine, peaks[:3], rtol=2e-4)
@@ -373,7 +385,7 @@ def test_modes_ring_whatever_their_damping() -> None:
     omega, t = np.full(5, 3.0), np.linspace(0.0, 4.0, 30)
     decay = np.array([0.1, 2.9, 3.0, 3.1, 40.0])
     q0, p0 = np.full(5, 0.2), np.full(5, -4.0)
-    q, p = ringing(omega, decay, q0, p0, t)
+    q, p = free_vibration(omega, decay, q0, p0, t)
     for j in range(5):
         A = np.array([[0.0, 1.0], [-(omega[j] ** 2), -2 * decay[j]]])
         known = np.array([expm(A * s) @ [q0[j], p0[j]] for s in t])
@@ -402,9 +414,9 @@ def test_a_beam_that_bends_upward_falls_on() -> None:
     start = State(0.0, np.array([0, 0, 1e-5]), np.array([0, 0, -1.5]), np.eye(3), np.zeros(3),
                   np.array([up]), np.zeros(1))  # fmt: skip
     flight = Flight(body, start, G)
-    found = flight.touch(flight.longest())
+    found = flight.first_touch(flight.longest_duration())
     assert found is not None
-    assert flight.at(found).centre[2] < -1e-4
+    assert flight.state_at(found).centre[2] < -1e-4
     assert abs(flight.heights(np.array([found]), np.arange(2)).min()) < 1e-9
 
 

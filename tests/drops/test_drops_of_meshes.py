@@ -60,10 +60,10 @@ def test_the_body_of_a_mesh(case: ao.Structure) -> None:
     assert len(body.points) == 8
     m, (a, b, c) = body.mass, (0.12, 0.06, 0.012)
     moments = m / 12 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
-    np.testing.assert_allclose(np.diag(body.tensor), moments, rtol=1e-6)
-    few = body.sites(np.array([0]))[1][0]
+    np.testing.assert_allclose(np.diag(body.inertia), moments, rtol=1e-6)
+    few = body.patches(np.array([0]))[1][0]
     more = ao.drop(case, 0.1, floor=ao.Floor(STEEL), until=0.01, modes=40).body
-    left = more.sites(np.array([0]))[1][0]
+    left = more.patches(np.array([0]))[1][0]
     assert (np.linalg.eigvalsh(few) >= -1e-12 * np.trace(few)).all()
     assert (np.linalg.eigvalsh(few - left) >= -1e-2 * np.trace(few)).all()  # more modes, less left
 
@@ -101,10 +101,10 @@ def test_the_radii_of_a_spheroid_at_its_points(tmp_path: Path) -> None:
     a, b = 0.02, 0.01
     shape = "Sphere(1) = {0, 0, 0, 0.01}; Dilate {{0, 0, 0}, {2, 1, 1}} { Volume{1}; } n = 1"
     body = free_body(ao.Structure(meshed(tmp_path, shape, 0.0028), STEEL), 1, None, None)
-    skin = body.points + body.centre + body.balls[:, None] * body.facing
+    skin = body.points + body.centre + body.ball_radii[:, None] * body.normals
     ends = [np.argmin(skin[:, 0]), np.argmax(skin[:, 0])]
     which = np.append(ends, np.arange(0, len(skin), 12))
-    body.sites(which)
+    body.patches(which)
     x, y, z = skin[which].T
     g = np.sqrt(x**2 / a**4 + (y**2 + z**2) / b**4)
     true = np.sort([b**2 * g, a**2 * b**2 * g**3], axis=0).T

@@ -17,7 +17,7 @@ from antiosc_studies.drops.fall import initial_state
 from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
-from antiosc_studies.drops.orientation import tilted
+from antiosc_studies.drops.orientation import tilt_rotation
 
 G = 9.80665
 
@@ -61,7 +61,7 @@ def setting(law: ao.ContactLaw, friction: float = 0.0, **rest: float) -> Setting
 
 
 def started(body: FreeBody, where: Setting, tilt: tuple[float, ...]) -> State:
-    return initial_state(body, where, tilted(np.array(tilt)), np.zeros(3), np.zeros(3))
+    return initial_state(body, where, tilt_rotation(np.array(tilt)), np.zeros(3), np.zeros(3))
 
 
 def landed(body: FreeBody, one: Episode, k: float, friction: float) -> tuple[np.ndarray, ...]:
@@ -69,7 +69,7 @@ def landed(body: FreeBody, one: Episode, k: float, friction: float) -> tuple[np.
 
     The friction of each corner is that of a spring which slides.
     """
-    s, inverse, down = one.start, np.linalg.inv(body.tensor), np.array([0.0, 0.0, 1.0])
+    s, inverse, down = one.start, np.linalg.inv(body.inertia), np.array([0.0, 0.0, 1.0])
     stiff = float(one.history.assembly.system.slip[0, 1]) or 1.0
     x, v, R, L = s.centre, s.velocity, s.R, s.momentum
     drawn, peak, steps = np.zeros((len(body.points), 2)), 0.0, 500
@@ -82,7 +82,7 @@ def landed(body: FreeBody, one: Episode, k: float, friction: float) -> tuple[np.
         x = x + v * way
         if n == steps:
             break
-        spin, arms = R @ inverse @ R.T @ L, body.points @ R.T - body.balls[:, None] * down
+        spin, arms = R @ inverse @ R.T @ L, body.points @ R.T - body.ball_radii[:, None] * down
         N = k * np.maximum(-x[2] - arms[:, 2], 0.0) ** 1.5
         drawn = np.where(N[:, None] > 0, drawn + h * (v + np.cross(spin, arms))[:, :2], 0.0)
         size = np.maximum(np.linalg.norm(drawn, axis=1), 1e-300)
@@ -134,7 +134,7 @@ def pressed(part: ao.RigidBody, half: np.ndarray, start: State, c: float) -> tup
 
 def floating(body: FreeBody, start: State, k: float, until: float) -> list[float]:
     """Peak forces of the impacts of the plane bar, all in one nonlinear integration."""
-    mass, inertia = body.mass, float(body.tensor[1, 1])
+    mass, inertia = body.mass, float(body.inertia[1, 1])
     (x0, _, h0), (x1, _, h1) = body.points.tolist()
     (s00, s01), (s10, s11) = body.shapes[:, :, 2].tolist()
     (w0, w1), (d0, d1) = (body.omega**2).tolist(), (2 * body.decay).tolist()

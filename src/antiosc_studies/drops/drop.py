@@ -16,8 +16,8 @@ from antiosc.base.plausible import FASTEST_WAVE, GRAVITY
 from antiosc.base.process import one_thread
 from antiosc.base.progress import doing
 from antiosc.base.texts import engineering
-from antiosc_studies.drops.body import MODES, MOST_MODES, free_body
-from antiosc_studies.drops.ensemble import Tilts, tumbles
+from antiosc_studies.drops.body import MODE_COUNT, MOST_MODES, free_body
+from antiosc_studies.drops.ensemble import Tilts, simulate_falls
 from antiosc_studies.drops.fall import Fall, fall_of, initial_state
 from antiosc_studies.drops.floor import Floor, Setting, as_floor
 from antiosc_studies.drops.free_body import FreeBody
@@ -49,7 +49,7 @@ def drop(
     velocity: Sequence[float] = (0.0, 0.0, 0.0),
     gravity: float = GRAVITY,
     damping: Any = None,
-    modes: int = MODES,
+    modes: int = MODE_COUNT,
     corner_radius: float | None = None,
     tol: float = 1e-3,
     ensemble: Tilts | None = None,
@@ -122,7 +122,7 @@ def drop(
         as_floor(floor),
         checks.positive("gravity", gravity, "m/s^2"),
         checks.positive("height", height, "m"),
-        *end_of(until),
+        *fall_limits(until),
         checks.tolerance(tol),
     )
     motion = {
@@ -131,7 +131,7 @@ def drop(
     }
     count = checks.whole("modes", modes, most=MOST_MODES)
     body = free_body(part, count, damping, corner_radius)
-    if setting.floor.layer is not None and not body.balls.all():
+    if setting.floor.layer is not None and not body.ball_radii.all():
         raise InputError(
             "a soft layer takes parts that are round where they land; this one has edges or "
             "corners: give the floor the law of one point of contact."
@@ -146,14 +146,14 @@ def drop(
     start = initial_state(body, setting, R, **motion)
     if ensemble is None:
         with doing("the fall") as tell:
-            fall = fall_of(body, start, setting, lambda *at: tell(_reached(setting, *at)))
+            fall = fall_of(body, start, setting, lambda *at: tell(_progress_text(setting, *at)))
         fall.warn()
         return fall
 
-    return tumbles(body, start, setting, ensemble, checks.whole("n", n), seed)
+    return simulate_falls(body, start, setting, ensemble, checks.whole("n", n), seed)
 
 
-def end_of(until: str | int | float) -> tuple[int, float]:
+def fall_limits(until: str | int | float) -> tuple[int, float]:
     """(largest number of impacts, longest time [s]) of a fall; InputError for invalid `until`."""
     if isinstance(until, str):
         if until != "rest":
@@ -167,7 +167,7 @@ def end_of(until: str | int | float) -> tuple[int, float]:
 def _check_flight(
     body: FreeBody, setting: Setting, ensemble: Tilts | None, spin: Array, velocity: Array
 ) -> None:
-    """InputError for a first flight that is implausibly fast or long."""
+    """Raise InputError if the first flight is implausibly fast or long."""
     fastest_spin = float(np.linalg.norm(spin))
     height = setting.height
     prefix = ""
@@ -199,8 +199,8 @@ def _check_flight(
         )
 
 
-def _reached(setting: Setting, impact: int, contact: int, time: float) -> str:
-    """How far a fall is in a contact of an impact, both from 1, at this time of the fall [s]."""
+def _progress_text(setting: Setting, impact: int, contact: int, time: float) -> str:
+    """Text: the progress of a fall, in this contact of this impact (from 1) at this time [s]."""
     place = f"contact {contact} of impact {impact}"
     if isfinite(setting.duration):
         return f"{1e3 * time:.0f} of {1e3 * setting.duration:.0f} ms, {place}"

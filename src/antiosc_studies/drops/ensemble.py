@@ -22,7 +22,7 @@ from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
 
 #: Results of each impact that are kept.
-QUANTITIES = ("peak_force", "impulse", "contact_time", "lost")
+KEPT_QUANTITIES = ("peak_force", "impulse", "contact_time", "lost")
 
 
 @dataclass(frozen=True)
@@ -56,24 +56,24 @@ class Tilts(FieldsRepr):
             raise InputError("Tilts in which nothing varies: give sigma, height, friction or spin.")
 
 
-def tumbles(
+def simulate_falls(
     body: FreeBody, start: State, setting: Setting, ensemble: Tilts, n: int, seed: int
 ) -> Many:
-    """The falls of an ensemble, each drawn from a seed that depends on its number alone."""
+    """Simulate n falls with random starts; the start of a fall depends on its number and `seed`."""
     seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)
-    body.sites(np.arange(len(body.points)))  # a fall must not depend on where earlier ones landed
+    body.patches(np.arange(len(body.points)))  # a fall must not depend on where earlier ones landed
     draw = partial(_random_fall, body, start, setting, ensemble)
     rows: list[dict[str, float] | str] = []
 
     with counting("falls", n) as report:
         for fall_seed in seeds:
-            rows += rows_of_runs(partial(_tumble, draw), [{"seed": fall_seed}])
+            rows += rows_of_runs(partial(_fall_results, draw), [{"seed": fall_seed}])
             report(len(rows))
 
     sample = sample_of_runs("falls", {}, rows)
     values = {
         name: np.reshape([v for key, v in sample.values.items() if key.startswith(name)], (-1, n)).T
-        for name in QUANTITIES
+        for name in KEPT_QUANTITIES
     }
     yields, missed = (sample.values[name] > 0 for name in ("yields", "missed"))
     not_reached = f"have contact forces that do not reach tol = {setting.tol:g}"
@@ -102,31 +102,31 @@ def tumbles(
 
 
 def _random_fall(
-    body: FreeBody, start: State, setting: Setting, tilts: Tilts, seed: np.random.SeedSequence
+    body: FreeBody, start: State, setting: Setting, ensemble: Tilts, seed: np.random.SeedSequence
 ) -> tuple[FreeBody, State, Setting]:
     """The body, initial state and setting of one random fall."""
     rng = np.random.default_rng(seed)
-    if np.isinf(tilts.sigma):
+    if np.isinf(ensemble.sigma):
         R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
     else:
-        turn = np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0)
+        turn = np.radians(ensemble.sigma) * np.append(rng.standard_normal(2), 0.0)
         R = rotation_matrices(turn) @ start.R
-    height = setting.height * max(1 + tilts.height * rng.standard_normal(), 0.01)
-    friction = max(setting.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
-    spin = start.spin(body) + tilts.spin * rng.standard_normal(3)
-    floor = replace(setting.floor, friction=friction) if tilts.friction else setting.floor
+    height = setting.height * max(1 + ensemble.height * rng.standard_normal(), 0.01)
+    friction = max(setting.floor.friction + ensemble.friction * rng.standard_normal(), 0.0)
+    spin = start.spin(body) + ensemble.spin * rng.standard_normal(3)
+    floor = replace(setting.floor, friction=friction) if ensemble.friction else setting.floor
     varied_setting = replace(setting, height=height, floor=floor)
     return body, initial_state(body, varied_setting, R, spin, start.velocity), varied_setting
 
 
-def _tumble(
+def _fall_results(
     draw: Callable[[Any], tuple[FreeBody, State, Setting]], seed: np.random.SeedSequence
 ) -> dict[str, float]:
-    """The results of one fall's impacts, by name and number, and the flags of the fall."""
+    """Results of one fall: "name k" -> the quantity of impact k, and 0 or 1 for its flags."""
     fall = fall_of(*draw(seed))
     flags = {"yields": fall.contact_yields, "missed": fall.missed}
     return {name: float(value) for name, value in flags.items()} | {
         f"{name} {k}": float(getattr(impact, name))
-        for name in QUANTITIES
+        for name in KEPT_QUANTITIES
         for k, impact in enumerate(fall.impacts)
     }

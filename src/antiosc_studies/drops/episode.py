@@ -1,7 +1,7 @@
-"""An episode of contact: which points may touch, a scene of body and floor, and what it leaves.
+"""An episode of contact: a scene of the body and the floor, with the points that may touch.
 
-The scene starts with the modal state of the flight and runs on the path of the rotating body
-(`path`); its final state starts the next flight (`handed_over`).
+The scene starts with the modal state of the flight and runs on the path of the rotating body (see
+`path`). The next flight starts from the final state of the episode (`final_state`).
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from antiosc.extension import impulses
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.path import (
-    NEAR_CHANGE,
-    SAMPLES,
+    ACCEPTED_CHANGE,
+    ROTATION_SAMPLES,
     Path,
     path_of,
     run_converged,
@@ -33,31 +33,31 @@ from antiosc_studies.drops.touching import BODY, OngoingContact, Touch, scene_of
 FIRST_SPAN, LONGEST_SPAN = 3.0, 96.0
 #: Largest rotation [rad] of the body in an episode; if it still touches, another episode follows.
 #: With half of it peaks change by 6e-4 on the soft floor, with twice as much by 3e-5.
-MOST_TURN = 0.6
-#: Candidates for contact lie lower than this many times the motion during a contact time; with
-#: less, points that sink are added in a second run.
-REACH = 1.5
+LARGEST_ROTATION = 0.6
+#: Points may touch if their height is less than this many times the motion during a contact time;
+#: points that are missed and sink are added in a second run.
+CANDIDATE_REACH = 1.5
 #: A point that is below the floor by this share of the body's extent sinks in.
-SINK_SHARE = 1e-4
+SINKING_SHARE = 1e-4
 #: Number of points in one episode: the lowest; points that would sink deeper are added. With six a
 #: peak on the soft floor, where more points touch, changes by 11 %; with 24 none does.
 MOST_POINTS = 12
 #: A scene that stalls earlier is cut to half its rotation and half its time, at most so many times.
 MOST_CUTS = 8
 #: Points of a solid that are closer together than this share of the extent are one contact.
-APART = 0.04
-#: After a cut the next episode may last so many times as long.
-GROWTH = 1.5
+MERGE_DISTANCE = 0.04
+#: Largest duration of an episode after a cut, over that of the previous one.
+DURATION_GROWTH = 1.5
 
 
-def handed_over(
-    touch: Touch, history: SceneHistory, path: Path, which: IntArray
+def final_state(
+    touch: Touch, history: SceneHistory, path: Path, indices: IntArray
 ) -> tuple[State, dict[int, OngoingContact]]:
-    """The state at the end of a path, and the contacts at the points `which` that continue.
+    """The state at the end of a path, and index of a point -> its contact, if that continues.
 
-    Contacts that have parted and left a dent are among them. Centre and orientation are those of
-    the path; momentum, angular momentum and modes are those of the scene, so that the energy is
-    that of the path.
+    Open contacts with a dent are included, unless all contacts are open. Centre and
+    orientation are those of the path; momentum, angular momentum and modes are those of the scene,
+    so that the energy is that of the path.
     """
     a = history.assembly
     record = history.run
@@ -80,7 +80,7 @@ def handed_over(
     continuing = {}
 
     contacts = zip(
-        which.tolist(), record.contact_states(a.system, t), a.laws, a.system.sides, strict=True
+        indices.tolist(), record.contact_states(a.system, t), a.laws, a.system.sides, strict=True
     )
     for k, (i, contact, law, sides) in enumerate(contacts):
         if contact is not None and (contact.closed or law.has_memory):
@@ -90,7 +90,7 @@ def handed_over(
                 float(heights[k]), contact.closed * force[rows], slip, contact, law
             )
 
-    if any(ongoing.contact.closed for ongoing in continuing.values()):
+    if any(ongoing.state.closed for ongoing in continuing.values()):
         return state, continuing
 
     return state, {}
@@ -98,16 +98,16 @@ def handed_over(
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """One episode of contact."""
+    """A time of contact with the floor, computed as one scene."""
 
     touch: Touch  # the body as it touches. The scene is linear about this start.
     end: State  # state of the body
     #: history of the scene; its time counts from the start and continues beyond `end`
     history: SceneHistory
-    #: (n,) numbers of its points in contact, which are sites "0", "1", … of the scene's body
-    which: IntArray
-    #: number of a point -> its contact, for contacts that continue after the end
-    held: dict[int, OngoingContact]
+    #: (n,) indices of the body's points that may touch: sites "0", "1", … of the scene
+    indices: IntArray
+    #: index of a point -> its contact, if that continues after the end
+    ongoing: dict[int, OngoingContact]
 
     @property
     def start(self) -> State:
@@ -125,17 +125,17 @@ class Episode:
         return self.end.time - self.start.time
 
     @property
-    def stored(self) -> float:
+    def contact_energy(self) -> float:
         """Energy of the contacts at the end [J]; > 0 if some are still closed."""
         node = int(np.argmin(np.abs(self.history.time - self.duration)))
         return float(self.history.energy.contact[node])
 
     @property
-    def pressed(self) -> float:
-        """Largest approach [m] in a contact, including the patches of part and floor."""
+    def largest_approach(self) -> float:
+        """Largest approach [m] of a contact, including the compliance of the patches."""
         record = self.history.run
         approaches = record.depth + record.force @ self.history.assembly.system.R.T
-        return float(approaches[:, : len(self.which)].max())
+        return float(approaches[:, : len(self.indices)].max())
 
     @property
     def error(self) -> float:
@@ -147,19 +147,20 @@ class Episode:
         in_flight = self.duration < float(self.history.time[-1]) * (1 - 1e-12)
         return 0.0 if largest == np.inf and in_flight else largest
 
-    def sunk(self) -> Array:
-        """Largest indentations (n,) [m] of the points, by their laws, without their patches."""
+    def depths(self) -> Array:
+        """Largest indentations (n,) [m] by the contact laws, without the patches' compliance."""
         record = self.history.run
-        return record.depth[record.time <= self.duration * (1 + 1e-12), : len(self.which)].max(
+        return record.depth[record.time <= self.duration * (1 + 1e-12), : len(self.indices)].max(
             axis=0
         )
 
     def motion(self, t: Array) -> tuple[Array, Array, Array, Array]:
-        """Orientations (n, 3, 3), spins (n, 3), angular accelerations (n, 3) by torques, and modal
-        accelerations (n, 6 + J) at times (n,) since the start. Spins and angular accelerations are
-        in the axes of the body.
+        """Orientations (n, 3, 3), spins (n, 3), angular accelerations (n, 3) by the torques, and
+        modal accelerations (n, 6 + J) at times (n,) since the start; spins and angular
+        accelerations in the axes of the body.
         """
-        times = np.union1d(np.linspace(0.0, max(self.duration, t.max(initial=0.0)), SAMPLES + 1), t)
+        end = max(self.duration, t.max(initial=0.0))
+        times = np.union1d(np.linspace(0.0, end, ROTATION_SAMPLES + 1), t)
         body = self.body
         path = path_of(self.touch, self.history, times)
         rows = np.searchsorted(times, t)
@@ -167,7 +168,7 @@ class Episode:
         a = self.history.at(t)[BODY].a
         momentum = self.touch.momenta
         spin, turning = (
-            np.einsum("na,nab->nb", values[:, :6] @ momentum[:, 3:], R) @ body.inverse
+            np.einsum("na,nab->nb", values[:, :6] @ momentum[:, 3:], R) @ body.inverse_inertia
             for values in (path.v[rows], a)
         )
 
@@ -177,10 +178,10 @@ class Episode:
         """Times (n,) [s] since the start, and normal forces (n, sites) [N], up to the end."""
         record = self.history.run
         within = record.time <= self.duration * (1 + 1e-12)
-        return record.time[within], np.maximum(record.force[within, : len(self.which)], 0.0)
+        return record.time[within], np.maximum(record.force[within, : len(self.indices)], 0.0)
 
     def peak_force(self) -> float:
-        """Largest sum of the normal forces [N], from the parabola of each step."""
+        """Largest sum of the normal forces [N], of the parabolas through the nodes of the steps."""
         total = self.forces()[1].sum(axis=1)
         first, middle, last = total[:-2:2], total[1:-1:2], total[2::2]
         slope = 4 * middle - 3 * first - last
@@ -196,23 +197,23 @@ class Episode:
         return np.asarray(impulses(t[:last], f[:last]).sum(axis=0))
 
 
-def episode(
+def run_episode(
     body: FreeBody,
     start: State,
     setting: Setting,
     ongoing: dict[int, OngoingContact],
-    before: float = np.inf,
+    previous_duration: float = np.inf,
 ) -> Episode:
-    """The episode that begins at `start`, with the contacts that go on from the previous one.
+    """The episode that begins at `start`, with the contacts that continue from the previous one.
 
-    ongoing : number of a point -> its contact; before : duration [s] of the previous episode.
+    ongoing : index of a point -> its contact; previous_duration : of that episode [s].
     """
     touch = Touch.of(body, start)
     heights = start.heights(body)
     base = scene_of(touch, setting, np.array([np.argmin(heights)]), ongoing)
     time = base.contact_time_estimate
-    longest = min(LONGEST_SPAN * time, GROWTH * before)
-    turns = MOST_TURN
+    longest = min(LONGEST_SPAN * time, DURATION_GROWTH * previous_duration)
+    turns = LARGEST_ROTATION
     which = _candidates(touch, heights, time, [*ongoing])
 
     cuts = 0
@@ -220,25 +221,25 @@ def episode(
         base = scene_of(touch, setting, which, ongoing)
         duration = sufficient_duration(touch, base, min(FIRST_SPAN * time, longest), longest, turns)
         found = run_converged(touch, which, base, duration, turns, setting.tol)
-        if found.change > NEAR_CHANGE * setting.tol and cuts < MOST_CUTS:
+        if found.change > ACCEPTED_CHANGE * setting.tol and cuts < MOST_CUTS:
             turns, cuts, longest = turns / 2, cuts + 1, found.end / 2
             continue
-        sinking = _sinking(touch, heights, found.path, which)
+        sinking = _sinking_point(touch, heights, found.path, which)
         if not len(sinking):
-            state, held = handed_over(touch, found.history, found.path, which)
+            state, held = final_state(touch, found.history, found.path, which)
             return Episode(touch, state, found.history, which, held if found.touching else {})
         which = np.append(which, sinking)
 
 
-def _candidates(touch: Touch, heights: Array, time: float, ongoing: list[int]) -> IntArray:
-    """Numbers of the points that may touch within `time` [s]: `ongoing`, then the lowest ones.
+def _candidates(touch: Touch, heights: Array, duration: float, ongoing: list[int]) -> IntArray:
+    """Indices of points that may touch within a duration [s]: `ongoing`, then the lowest points.
 
-    Points that share a contact with one of them are left out.
+    Points that share a contact with one of these are left out.
     """
     body, start, *_ = touch
-    arms = start.arms(body)
+    arms = start.positions(body)
     speeds = np.linalg.norm(start.velocity + np.cross(start.spin(body), arms), axis=1)
-    distance = REACH * float(speeds.max()) * time
+    distance = CANDIDATE_REACH * float(speeds.max()) * duration
     candidates = [*ongoing]
 
     covered = _sharing_contact(body, candidates)
@@ -252,29 +253,30 @@ def _candidates(touch: Touch, heights: Array, time: float, ongoing: list[int]) -
     return np.array(candidates)
 
 
-def _sharing_contact(body: FreeBody, which: list[int]) -> BoolArray:
-    """(V,) mask of points that share a contact with one of the points `which`.
+def _sharing_contact(body: FreeBody, indices: list[int]) -> BoolArray:
+    """(V,) mask of the points that share a contact with one of those at `indices`.
 
     Points of a solid share a contact if they are close together and face the same way, as on a
     round edge, or belong to one ball, or lie on one rounded corner. Two corners of a slender
     bar are two contacts.
     """
     touching = np.zeros(len(body.points), dtype=bool)
-    touching[which] = True
+    touching[indices] = True
 
-    if body.facing is not None:
+    if body.normals is not None:
         places = body.vertices
-        for i in which:
+        for i in indices:
             apart = body.points - body.points[i], places - places[i]  # one ball, one place
             distance = np.linalg.norm(apart, axis=2).min(axis=0)
-            alike = (body.facing @ body.facing[i] >= SMOOTH_COSINE) | (body.balls > 0)
-            touching |= (distance <= APART * body.extent) & alike | (distance < body.corner)
+            alike = (body.normals @ body.normals[i] >= SMOOTH_COSINE) | (body.ball_radii > 0)
+            close = distance <= MERGE_DISTANCE * body.extent
+            touching |= close & alike | (distance < body.corner_radius)
 
     return touching
 
 
-def _sinking(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntArray:
-    """Number (1,) of the point without a contact that sinks deepest into the floor, or (0,)."""
+def _sinking_point(touch: Touch, heights: Array, path: Path, indices: IntArray) -> IntArray:
+    """Index (1,) of the point without a contact that is deepest below the floor, or (0,)."""
     body = touch.body
     vertical = path.R[:, 2]
     lifts = np.einsum("nd,vjd,nj->nv", vertical, body.shapes, path.q[:, 6:], optimize=True)
@@ -282,9 +284,9 @@ def _sinking(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntAr
     lowest = heights + (lifts - lifts[0]).min(axis=0)
 
     # what a contact presses in, points next to it may sink too; and all points between many
-    deepest = min(float(lowest[which].min()), 0.0)
-    has_contact = _sharing_contact(body, which.tolist()) | (len(which) >= MOST_POINTS)
+    deepest = min(float(lowest[indices].min()), 0.0)
+    has_contact = _sharing_contact(body, indices.tolist()) | (len(indices) >= MOST_POINTS)
     lowest = lowest - np.where(has_contact, deepest, 0.0)
-    lowest[which] = np.inf
+    lowest[indices] = np.inf
     i = int(np.argmin(lowest))
-    return np.array([i] if lowest[i] < -SINK_SHARE * body.extent else [], dtype=int)
+    return np.array([i] if lowest[i] < -SINKING_SHARE * body.extent else [], dtype=int)

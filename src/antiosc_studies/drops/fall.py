@@ -28,11 +28,11 @@ from antiosc.base.texts import Result, engineering, exceeds, percent, plain_numb
 from antiosc.io.isolation import Refinement
 from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.episode import Episode
-from antiosc_studies.drops.flight import Flight, ringing
+from antiosc_studies.drops.flight import Flight, free_vibration
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.impacts import Impacts, Peak, impact_of
-from antiosc_studies.drops.path import LIMITS
+from antiosc_studies.drops.path import RUN_LIMITS
 from antiosc_studies.drops.touching import BODY
 from antiosc_studies.drops.trajectory import trajectory
 from antiosc_studies.drops.yielding import PointContacts
@@ -41,26 +41,26 @@ if TYPE_CHECKING:
     from antiosc import Structure
 
 #: Samples of a signal in a period of the highest mode: they miss its peak by at most 3.4 %.
-SAMPLES = 12
+SIGNAL_SAMPLES = 12
 #: Most samples of a signal.
-MOST_SAMPLES = 200_000
+MOST_SIGNAL_SAMPLES = 200_000
 #: Samples of stresses in a period of the highest mode, whose peak they miss by at most 8 %.
-SAMPLES_PER_PERIOD = 8
+STRESS_SAMPLES = 8
 #: Least and largest number of samples of stresses in an episode.
-FEW, MANY = 20, 200
+STRESS_SAMPLE_LIMITS = 20, 200
 #: Spin over the lowest natural frequency above which stiffening by the spin matters.
 STIFFENING_SPIN = 0.02
-#: Largest indentation over the radius at which a ball presses a layer like a paraboloid.
-BLUNT = 0.3
-#: Is told where the hardest impact is not the first.
-LATER_HARDEST = (
+#: Largest indentation of a layer, over the radius, at which a ball is like a paraboloid.
+LARGEST_LAYER_INDENTATION = 0.3
+#: Note for a fall whose hardest impact is not the first.
+LATER_HARDEST_NOTE = (
     "the hardest impact is not the first: its numbers and bars are those of this attitude alone,"
     " and a degree of tilt may change them by more (falls of drawn tilts tell how much: ensemble)"
 )
 
 
 #: Coordinates [m] of a point, the name of a group, or None: the centre of mass of a rigid part.
-At: TypeAlias = Sequence[float] | str | None
+Location: TypeAlias = Sequence[float] | str | None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,7 +75,7 @@ class WorstField(PeakField):
 
 #: `Fall.status` of a fall that has not come to rest.
 UNSETTLED = 3
-NO_IMPACT = "the fall has no impact; let it last longer (until)."
+NO_IMPACT_ERROR = "the fall has no impact; let it last longer (until)."
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -109,7 +109,7 @@ class Fall(Result):
     def impacts(self) -> Impacts:
         """The impacts, as a table."""
         gravity = self.setting.gravity
-        return Impacts(impact_of(self.body, gravity, landed) for landed in self._landed)
+        return Impacts(impact_of(self.body, gravity, landed) for landed in self._contacts)
 
     def energy(self) -> tuple[Array, Array]:
         """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
@@ -118,23 +118,23 @@ class Fall(Result):
         """
         rows = [(self.start, 0.0)]
         for contact in self.episodes:
-            rows += [(contact.start, rows[-1][1]), (contact.end, contact.stored)]
+            rows += [(contact.start, rows[-1][1]), (contact.end, contact.contact_energy)]
 
         rows.append((self.end, rows[-1][1]))
         gravity = self.setting.gravity
         energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
         return np.array([s.time for s, _ in rows]), np.array(energies)
 
-    def _episodes(self, impact: int) -> list[Episode]:
+    def _episodes_of(self, impact: int) -> list[Episode]:
         """The episodes of an impact."""
         if not self.groups:
-            raise InputError(NO_IMPACT)
+            raise InputError(NO_IMPACT_ERROR)
         k = checks.whole("impact", impact, least=0, most=len(self.groups) - 1)
         return [self.episodes[i] for i in self.groups[k]]
 
     @cached_property
-    def _landed(self) -> list[PointContacts]:
-        """The contacts of each impact: their laws, errors and dents."""
+    def _contacts(self) -> list[PointContacts]:
+        """The contacts at points of each impact."""
         floor = self.setting.floor
         return [PointContacts(floor, [self.episodes[i] for i in group]) for group in self.groups]
 
@@ -171,7 +171,7 @@ class Fall(Result):
 
     def signal(
         self,
-        at: At = None,
+        at: Location = None,
         impact: int = 0,
         *,
         filter: str | None = None,
@@ -195,7 +195,7 @@ class Fall(Result):
             Time before the first touch and after the last release [s]; at least the memory of the
             filter.
         """
-        episodes = self._episodes(impact)
+        episodes = self._episodes_of(impact)
         memory = 0.0
         steps = [np.inf]
         if filter is not None:
@@ -205,22 +205,22 @@ class Fall(Result):
         begin = episodes[0].start.time - max(checks.nonnegative("before", before, "s"), memory)
         end = episodes[-1].end.time + max(checks.nonnegative("after", after, "s"), memory)
         begin = max(begin, 0.0)
-        end = min(end, self._lasting)
+        end = min(end, self._last_time)
         steps += [episode.duration / 50 for episode in self.episodes]
-        steps += (2 * np.pi / (SAMPLES * self.body.omega[-1:])).tolist()
-        step = max(min(steps), (end - begin) / MOST_SAMPLES)
+        steps += (2 * np.pi / (SIGNAL_SAMPLES * self.body.omega[-1:])).tolist()
+        step = max(min(steps), (end - begin) / MOST_SIGNAL_SAMPLES)
         t = begin + step * np.arange(max(int((end - begin) / step), 2))
         a = self.acceleration(t, at)
         return t, a if filter is None else cfc_filter(step, a, filter)
 
-    def acceleration(self, times: ArrayLike, at: At = None) -> Array:
+    def acceleration(self, times: ArrayLike, at: Location = None) -> Array:
         """Reading of an accelerometer at a point at times (n,) [s]: (n, 3); see `signal`.
 
         Beyond its end the fall continues as a flight, for the memory of a filter.
         """
         t = checks.column("times", times)
-        if t.size and (t.min() < 0 or t.max() > self._lasting * (1 + 1e-12)):
-            raise InputError(f"times must lie within the fall, 0 to {self._lasting:g} s.")
+        if t.size and (t.min() < 0 or t.max() > self._last_time * (1 + 1e-12)):
+            raise InputError(f"times must lie within the fall, 0 to {self._last_time:g} s.")
 
         starts = [0.0]
         parts = list[State | Episode]([self.start])
@@ -230,7 +230,7 @@ class Fall(Result):
 
         interval = np.searchsorted(starts, t, side="right") - 1
         acceleration = np.zeros((t.size, 3))
-        point = self._point(at)
+        point = self._located_point(at)
         for k in np.unique(interval):
             acceleration[interval == k] = self._specific_force(
                 parts[k], t[interval == k] - starts[k], *point
@@ -239,12 +239,12 @@ class Fall(Result):
         return acceleration
 
     @property
-    def _lasting(self) -> float:
+    def _last_time(self) -> float:
         """Time [s] up to which the motion is computed: its end plus the memory of the filters."""
         return self.end.time + max(map(filter_memory, CLASS_FREQUENCIES))
 
-    def _point(self, at: At) -> tuple[Array, Array]:
-        """Arm (3,) of a point from the centre of mass, and mode shapes (3, J) there."""
+    def _located_point(self, at: Location) -> tuple[Array, Array]:
+        """Position (3,) [m] of a point relative to the centre of mass, and shapes (3, J) there."""
         body = self.body
         rigid = np.zeros((3, body.omega.size))
         if at is None:
@@ -259,32 +259,32 @@ class Fall(Result):
         fields = source(body.structure)
         return x - body.centre, fields.at_point(body.structure, body.basis, x, part, reach)
 
-    def _specific_force(self, part: State | Episode, since: Array, arm: Array, phi: Array) -> Array:
-        """Accelerations (n, 3) minus gravity in body axes at a point of the body.
+    def _specific_force(self, phase: State | Episode, times: Array, r: Array, phi: Array) -> Array:
+        """Acceleration minus gravity (n, 3) at a point of the body, in the axes of the body.
 
-        part : the start of a flight, or an episode; since : (n,) times [s] from its start; arm :
-        (3,) from the centre of mass [m]; phi : (3, J) shapes there.
+        phase : the start of a flight, or an episode; times : (n,) since its start [s]; r : position
+        (3,) of the point relative to the centre of mass [m]; phi : (3, J) mode shapes there.
         """
         body = self.body
         gravity = self.setting.gravity
 
-        if isinstance(part, Episode):
-            R, spin, angular, a = part.motion(since)
+        if isinstance(phase, Episode):
+            R, spin, angular, a = phase.motion(times)
             linear = np.einsum("nb,nba->na", a[:, :3] / np.sqrt(body.mass) + [0, 0, gravity], R)
             elastic = a[:, 6:]
         else:
-            R = Flight(body, part, gravity).orientation(since)
-            spin = part.momentum @ R @ body.inverse
+            R = Flight(body, phase, gravity).orientation(times)
+            spin = phase.momentum @ R @ body.inverse_inertia
             angular = linear = np.zeros(3)
-            q, p = ringing(body.omega, body.decay, part.q, part.p, since)
+            q, p = free_vibration(body.omega, body.decay, phase.q, phase.p, times)
             elastic = -(body.omega**2) * q - 2 * body.decay * p
 
-        angular = angular - np.cross(spin, spin @ body.tensor) @ body.inverse
-        by_rotation = np.cross(angular, arm) + np.cross(spin, np.cross(spin, arm))
+        angular = angular - np.cross(spin, spin @ body.inertia) @ body.inverse_inertia
+        by_rotation = np.cross(angular, r) + np.cross(spin, np.cross(spin, r))
         return np.asarray(linear + elastic @ phi.T + by_rotation)
 
     def peak(
-        self, quantity: str = "acceleration", at: At = None, filter: str | None = None
+        self, quantity: str = "acceleration", at: Location = None, filter: str | None = None
     ) -> Peak:
         """The largest acceleration at a point (`signal`), or the largest "force", of all impacts.
 
@@ -292,18 +292,18 @@ class Fall(Result):
         """
         checks.choice("quantity", quantity, ("acceleration", "force"))
         if not self.groups:
-            raise InputError(NO_IMPACT)
+            raise InputError(NO_IMPACT_ERROR)
 
         if quantity == "force":
             peaks = [Peak(one.peak_force, one.time, k) for k, one in enumerate(self.impacts)]
         else:
-            peaks = [self._strongest(k, at, filter) for k in range(len(self.impacts))]
+            peaks = [self._peak_in(k, at, filter) for k in range(len(self.impacts))]
 
         return max(peaks, key=float)
 
-    def _strongest(self, k: int, at: At, filter: str | None) -> Peak:
-        """The largest acceleration at a point in impact `k`, between the middles of the flights
-        before and after it.
+    def _peak_in(self, k: int, at: Location, filter: str | None) -> Peak:
+        """The largest acceleration at a point in impact `k`, from the middle of the flight before
+        to that of the flight after it.
         """
         t, a = self.signal(at, k, filter=filter)
         own = (t >= self._middle_before(k)) & (t <= self._middle_before(k + 1))
@@ -312,28 +312,28 @@ class Fall(Result):
         return Peak(float(size[i]), float(t[i]), k)
 
     def _middle_before(self, k: int) -> float:
-        """The middle of the flight before an impact [s]; -inf before the first, inf at the end."""
+        """Middle [s] of the flight before impact `k`; -inf before the first, inf after the last."""
         if k in (0, len(self.groups)):
             return np.inf if k else -np.inf
-        return (self._episodes(k - 1)[-1].end.time + self._episodes(k)[0].start.time) / 2
+        return (self._episodes_of(k - 1)[-1].end.time + self._episodes_of(k)[0].start.time) / 2
 
     @cached_property
     def shocks(self) -> tuple[Peak, ...]:
         """The largest acceleration of the centre of mass in each impact, through CFC1000: all
         forces over the mass, as of a rigid part.
         """
-        return tuple(self._strongest(k, None, SHOCK_FILTER) for k in range(len(self.impacts)))
+        return tuple(self._peak_in(k, None, SHOCK_FILTER) for k in range(len(self.impacts)))
 
     @cached_property
     def dents(self) -> Array:
         """Depth (n,) of the deepest dent of each impact [m]; NaN without one, and where it is not
         known.
         """
-        return np.array([landed.deepest_dent for landed in self._landed])
+        return np.array([landed.deepest_dent for landed in self._contacts])
 
     def srs(
         self,
-        at: At = None,
+        at: Location = None,
         impact: int = 0,
         frequencies: ArrayLike | None = None,
         Q: float = 10.0,
@@ -389,19 +389,20 @@ class Fall(Result):
             if not impacts:
                 raise InputError("impacts must have at least one number; got none.")
         if tol is not None:
-            return self._to_tolerance(quantity, impacts, checks.tolerance(tol), finer, options)
+            return self._worst_within(quantity, impacts, checks.tolerance(tol), finer, options)
         impact_numbers = list(range(max(len(self.groups), 1)) if impacts is None else impacts)
         periods = self.body.omega.max(initial=0.0) / (2 * np.pi)
 
         parts = []
         zones = []
         for k in impact_numbers:
-            episodes = self._episodes(k)
+            episodes = self._episodes_of(k)
             for episode in episodes:
-                count = int(min(max(SAMPLES_PER_PERIOD * periods * episode.duration, FEW), MANY))
+                samples = STRESS_SAMPLES * periods * episode.duration
+                count = int(np.clip(samples, *STRESS_SAMPLE_LIMITS))
                 motion = episode.history.at(np.linspace(0.0, episode.duration, count))[BODY]
                 parts.append(replace(motion, time=motion.time + episode.start.time))
-            zones += [one.zone for one in self._landed[k].contacts]
+            zones += [one.zone for one in self._contacts[k].contacts]
 
         merged = {
             n: np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "q", "v", "a")
@@ -419,7 +420,7 @@ class Fall(Result):
         if field._margin is not None:
             margin = field._margin
             k = int(np.searchsorted(starts, margin.time, side="right")) - 1
-            verdicts = [self._landed[j].verdict for j in impact_numbers]
+            verdicts = [self._contacts[j].yield_text for j in impact_numbers]
             yields = margin.criterion == "yield" and any(verdicts)
             errors = [one.law_error or 0.0 for one in self.impacts]
             error = max((errors[j] for j in impact_numbers), default=0.0)
@@ -428,7 +429,7 @@ class Fall(Result):
 
         return WorstField(**vars(field), impact=impact)
 
-    def _to_tolerance(
+    def _worst_within(
         self,
         quantity: str,
         impacts: list[int] | None,
@@ -436,16 +437,16 @@ class Fall(Result):
         finer: Callable[[Sequence[Refinement]], Structure] | None,
         options: dict[str, Any],
     ) -> WorstField:
-        """The largest value of some impacts, by default the hardest, with a bar of at most tol."""
+        """`worst` of these impacts, by default the hardest, with an error bar of at most `tol`."""
         from antiosc.extension import closed, divided
 
         structure: Any = self.body.structure
         if self.hardest is None:
-            raise InputError(NO_IMPACT)
+            raise InputError(NO_IMPACT_ERROR)
         chosen = [self.hardest] if impacts is None else impacts
 
         def again(part: Structure) -> Fall:
-            body = free_body(part, len(self.body.omega), None, self.body.corner)
+            body = free_body(part, len(self.body.omega), None, self.body.corner_radius)
             body = replace(body, decay=self.body.decay)
             return fall_of(body, self.start, replace(self.setting, impacts=max(chosen) + 1))
 
@@ -464,18 +465,18 @@ class Fall(Result):
         sentences = (
             rigid,
             f"the floor has a coefficient of friction of {friction} (friction)",
-            self._shock,
-            LATER_HARDEST * bool(self.hardest),
+            self._shock_note,
+            LATER_HARDEST_NOTE * bool(self.hardest),
             self.contact_verdict,
             *PointContacts(self.setting.floor, self.episodes).notes,
-            self._breaking,
+            self._breaking_note,
         )
         return [*self.body.notes, *filter(None, sentences)]
 
     @property
     def flat(self) -> str:
         """Sentence if a face lands flat, for which the method does not hold; else ""."""
-        flat = [str(k) for k, landed in enumerate(self._landed, 1) if landed.flat]
+        flat = [str(k) for k, landed in enumerate(self._contacts, 1) if landed.lands_flat]
         if not flat:
             return ""
         numbers = ", ".join(flat[:3]) + (", …" if len(flat) > 3 else "")
@@ -486,7 +487,7 @@ class Fall(Result):
         )
 
     @property
-    def _shock(self) -> str:
+    def _shock_note(self) -> str:
         """Sentence on the largest acceleration of the centre of mass; "" without impacts."""
         if not self.groups:
             return ""
@@ -504,8 +505,8 @@ class Fall(Result):
         )
 
     @property
-    def _breaking(self) -> str:
-        """Sentence on whether the materials of the part break; "" if nothing is known."""
+    def _breaking_note(self) -> str:
+        """Sentence on how the materials of the part break; "" if nothing is known."""
         known = {name: record(name) for m in self.body.matters if (name := m.name) in names()}
         told = [f"{name}: {one.breaks}" for name, one in known.items() if one.breaks]
         return "; ".join(["whether the part breaks is not computed", *told]) if told else ""
@@ -517,7 +518,7 @@ class Fall(Result):
         """
         by_force = sorted(range(len(self.groups)), key=lambda k: -self.impacts[k].peak_force)
         for k in by_force:
-            if sentence := self._landed[k].verdict:
+            if sentence := self._contacts[k].yield_text:
                 of_all = ", the hardest," * (k == self.hardest)
                 several = len(by_force) > 1
                 return f"in impact {k + 1}{of_all} {sentence}" if several else sentence
@@ -534,8 +535,8 @@ class Fall(Result):
 
     def no_bar(self, impact: int = 0) -> str:
         """Why the impact of this number, from 0, has no error bar, and what helps; "" if it has."""
-        self._episodes(impact)
-        return self._landed[impact].no_bar
+        self._episodes_of(impact)
+        return self._contacts[impact].no_error_reason
 
     @property
     def contact_yields(self) -> bool:
@@ -563,9 +564,9 @@ class Fall(Result):
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """The part at its first touch, its height, the energies and the forces of the impacts."""
-        from antiosc_studies.drops.pictures import overview
+        from antiosc_studies.drops.pictures import draw_fall
 
-        return overview(self, path)
+        return draw_fall(self, path)
 
     def _facts(self) -> list[tuple[str, str]]:
         hardest = f", the hardest {self._hardest_text}" if self.impacts else ""
@@ -576,7 +577,7 @@ class Fall(Result):
 
     def warn(self) -> None:
         """Warn of fast spin, no rest, forces that miss `tol`, and layers pressed too deep."""
-        ratio = self.fastest_spin * self.body.slowest / (2 * np.pi)
+        ratio = self.fastest_spin * self.body.longest_period / (2 * np.pi)
         if exceeds(ratio, STIFFENING_SPIN, 2):
             warn(
                 f"the part spins with {self.fastest_spin:.3g} rad/s, {ratio:.2g} of its lowest "
@@ -595,20 +596,20 @@ class Fall(Result):
         if self.missed:
             tol = self.setting.tol
             worst = max(episode.error for episode in self.episodes)
-            excess_text = f"by up to {worst:.2g}" if worst < np.inf else f"within {LIMITS[1]} steps"
+            excess = f"by up to {worst:.2g}" if worst < np.inf else f"within {RUN_LIMITS[1]} steps"
             warn(
                 f"the contact forces of {self.missed} of {len(self.episodes)} episodes do not "
-                f"reach tol = {tol:g} {excess_text}: give a larger tol, or fewer modes.",
+                f"reach tol = {tol:g} {excess}: give a larger tol, or fewer modes.",
                 AccuracyWarning,
             )
 
         layer = self.setting.floor.layer
-        strains = [one.sunk() / one.body.radii[one.which].min(axis=1) for one in self.episodes]
+        strains = [one.depths() / one.body.radii[one.indices].min(axis=1) for one in self.episodes]
         strain = max((float(values.max()) for values in strains), default=0.0)
-        if layer is not None and exceeds(strain, BLUNT, 3):
+        if layer is not None and exceeds(strain, LARGEST_LAYER_INDENTATION, 3):
             warn(
                 f"a point is pressed into the layer by {strain:.3g} of its radius: the law of a "
-                f"layer holds up to {BLUNT:g}.",
+                f"layer holds up to {LARGEST_LAYER_INDENTATION:g}.",
                 AccuracyWarning,
             )
 
@@ -616,11 +617,11 @@ class Fall(Result):
 def initial_state(
     body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array
 ) -> State:
-    """The initial state, whose lowest point is at the height of the setting."""
-    low = float((body.points @ R[2] - body.balls).min())
+    """The initial state: the lowest point is at the height of the setting."""
+    low = float((body.points @ R[2] - body.ball_radii).min())
     zero = np.zeros(body.omega.size)
     centre = np.array([0.0, 0.0, setting.height - low])
-    momentum = R @ (body.tensor @ (R.T @ spin))
+    momentum = R @ (body.inertia @ (R.T @ spin))
     return State(0.0, centre, velocity, R, momentum, zero, zero)
 
 
@@ -630,5 +631,5 @@ def fall_of(
     setting: Setting,
     report: Callable[[int, int, float], None] = lambda *_: None,
 ) -> Fall:
-    """The fall of a body from a state; `report` as of `trajectory`."""
+    """The fall of a body from a state; `report` as for `trajectory`."""
     return Fall(body, setting, start, *trajectory(body, start, setting, report))

@@ -1,12 +1,12 @@
-"""Free flight: exact rigid motion with large rotations, ringing of the modes, and the next touch.
+"""Free flight: exact rigid motion with large rotations, free vibration, and the next touch.
 
 The floor is the plane z = 0, gravity points along -z. The orientation is that of a free rotation.
 The modes vibrate freely in the axes of the body: stiffening by the spin is neglected, which holds
 while the spin is small against the lowest natural frequency.
 
 The height of a point over the floor is bounded from below by its rigid height minus the largest
-elastic displacements that the energies of the modes allow. Only while this bound is below the floor
-is the motion sampled in steps that resolve the modes, and the touch located.
+elastic displacements that the energies of the modes allow. Only while this bound is below the
+floor, the motion is sampled in steps that resolve the modes, and the touch is located.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from antiosc_studies.drops.free_body import FreeBody, State
 #: constant.
 STEADY_SPIN = 1e-12
 #: Largest parameter m of the elliptic functions: closer to 1 SciPy ignores their period.
-LARGEST_M = 1 - 2e-10
+LARGEST_PARAMETER = 1 - 2e-10
 
 
-def rotation_matrices(angle: Array) -> Array:
+def rotation_matrices(vectors: Array) -> Array:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) [rad]."""
     from scipy.spatial.transform import Rotation
 
-    flat = np.reshape(angle, (-1, 3))
-    return np.asarray(Rotation.from_rotvec(flat).as_matrix()).reshape(*np.shape(angle), 3)
+    flat = np.reshape(vectors, (-1, 3))
+    return np.asarray(Rotation.from_rotvec(flat).as_matrix()).reshape(*np.shape(vectors), 3)
 
 
 def free_rotation(
     moments: Array, axes: Array, R: Array, momentum: Array
 ) -> Callable[[Array], Array]:
-    """Free rotation of a body: a function of times (n,) [s] that returns R (n, 3, 3).
+    """The free rotation of a body, as a function of times (n,) [s] that returns R (n, 3, 3).
 
     R turns the body's axes to the fixed ones. moments, axes : principal moments (3,) [kg m^2] and
     their axes as rows (3, 3); R, momentum : rotation and angular momentum (3,) at time 0.
@@ -71,7 +71,7 @@ def _tumbling(I: Array, axes: Array, R: Array, momentum: Array) -> Callable[[Arr
     # |2 E I3 - L^2| and |L^2 - 2 E I1|, without cancellation
     small = I[0] * d31 * w[0] ** 2 + I[1] * d32 * w[1] ** 2
     large = I[1] * d21 * w[1] ** 2 + I[2] * d31 * w[2] ** 2
-    m = min(float(d21 * small / (d32 * large)), LARGEST_M)
+    m = min(float(d21 * small / (d32 * large)), LARGEST_PARAMETER)
     rate = float(np.sqrt(d32 * large / I.prod()))
     third = np.copysign(np.sqrt(I[2] * large / d31), w[2])  # largest component 3 of L
     sign = np.copysign(1.0, w[2]) * np.sign(I[2] - I[1])
@@ -84,7 +84,7 @@ def _tumbling(I: Array, axes: Array, R: Array, momentum: Array) -> Callable[[Arr
     drift = size * (I[2] - I[0]) / (I[0] * I[2] * rate)
 
     def frames_in_body(u: Array) -> tuple[Array, Array]:
-        """(axes (n, 3, 3) in the body, integral of the third kind (n,)) at the arguments u (n,).
+        """Axes (n, 3, 3) in the body, elliptic integrals of the third kind (n,), at arguments u.
 
         The columns of the axes are the line of nodes, L × this line, and the direction of L.
         """
@@ -141,27 +141,28 @@ def _third_integral(n: float, m: float) -> Callable[[Array], Array]:
 
 
 #: Rotation of the body [rad] between two samples of its rigid motion. Samples only bracket a touch,
-#: which is then located to rounding: factors of 2 on TURN and SAMPLES change peak forces by 1e-12.
-TURN = 0.05
+#: which is then located to rounding: factors of 2 on it and on PERIOD_SAMPLES change peak forces
+#: by 1e-12.
+ROTATION_STEP = 0.05
 #: Largest number of samples of a flight.
 MOST_SAMPLES = 1_000_000
-#: Samples in a period of the fastest mode that moves a point by `MOVED_SHARE` of the extent.
-SAMPLES = 12
-#: See `SAMPLES`.
-MOVED_SHARE = 1e-6
+#: Samples in a period of the fastest mode that moves a point by `MOTION_SHARE` of the extent.
+PERIOD_SAMPLES = 12
+#: See `PERIOD_SAMPLES`.
+MOTION_SHARE = 1e-6
 #: Number of times at which heights are computed together for a rigid body, …
-AT_ONCE = 4096
+CHUNK_SIZE = 4096
 #: … and for one with modes, whose arrays are larger.
-AT_ONCE_ELASTIC = 256
+ELASTIC_CHUNK_SIZE = 256
 #: A body's lowest point must not be higher over the centre of mass than this share of the extent.
-SIDE_HEIGHT = 0.01
+LOWEST_HEIGHT = 0.01
 #: Height over the floor at which a point touches, over the extent.
 TOUCH_HEIGHT = 1e-10
 #: Accuracy of the time of a touch [s].
-TOUCH_TIME = 1e-14
+TOUCH_TIME_ERROR = 1e-14
 
 
-def ringing(omega: Array, decay: Array, q: Array, p: Array, t: Array) -> tuple[Array, Array]:
+def free_vibration(omega: Array, decay: Array, q: Array, p: Array, t: Array) -> tuple[Array, Array]:
     """Displacements and velocities (n, J) of freely vibrating damped modes at times (n,)."""
     if np.any(decay >= omega):  # over-damped ones
         P, W, S = library.responses(omega, decay, t[:, None])[:3]
@@ -175,7 +176,7 @@ def ringing(omega: Array, decay: Array, q: Array, p: Array, t: Array) -> tuple[A
 
 
 def displacement_bounds(omega: Array, q: Array, p: Array) -> Array:
-    """Bounds on the displacements of free modes at all later times, from their energies."""
+    """Bounds on the modal displacements at all later times, from the energies of the modes."""
     return np.hypot(q, p / np.maximum(omega, np.finfo(float).tiny))
 
 
@@ -187,21 +188,21 @@ class Flight:
         self.start = start
         self.gravity = gravity
         #: R (n, 3, 3) at times (n,) since the start
-        self.orientation = free_rotation(*body.principal, start.R, start.momentum)
+        self.orientation = free_rotation(*body.principal_inertia, start.R, start.momentum)
 
-    def longest(self) -> float:
-        """Time [s] after which a point must have touched: the centre is below the floor."""
+    def longest_duration(self) -> float:
+        """Time [s] within which a point touches: after it the whole body is below the floor."""
         v = float(self.start.velocity[2])
         z = max(float(self.start.centre[2]), 0.0)
-        depth = SIDE_HEIGHT * self.body.extent + float(self._bounds(np.zeros(1)).max())
+        depth = LOWEST_HEIGHT * self.body.extent + float(self._bounds(np.zeros(1)).max())
         return (v + np.sqrt(v * v + 2 * self.gravity * (z + depth))) / self.gravity
 
-    def at(self, t: float) -> State:
-        """The state a time t [s] after the start."""
+    def state_at(self, t: float) -> State:
+        """The state at a time t [s] since the start."""
         s = self.start
         g = np.array([0.0, 0.0, -self.gravity])
         instant = np.array([t])
-        q, p = self._ringing(instant)
+        q, p = self._modal_motion(instant)
         return State(
             s.time + t,
             s.centre + s.velocity * t + 0.5 * g * t * t,
@@ -212,100 +213,104 @@ class Flight:
             p[0],
         )
 
-    def heights(self, t: Array, which: IntArray) -> Array:
+    def heights(self, t: Array, points: IntArray) -> Array:
         """Heights (n, k) [m] of points (k,) over the floor at ascending times (n,)."""
         vertical = self.orientation(t)[:, 2]
-        shapes = self.body.shapes[which]
-        displacements = np.tensordot(self._ringing(t)[0], shapes, axes=(1, 1))
+        shapes = self.body.shapes[points]
+        displacements = np.tensordot(self._modal_motion(t)[0], shapes, axes=(1, 1))
         lifted = np.einsum("nkd,nd->nk", displacements, vertical)
-        return self._rigid(t, vertical, which) + lifted
+        return self._rigid_heights(t, vertical, points) + lifted
 
-    def _rigid(self, t: Array, vertical: Array, which: IntArray) -> Array:
+    def _rigid_heights(self, t: Array, vertical: Array, points: IntArray) -> Array:
         """Heights (n, k) [m] without vibration; `vertical` (n, 3): the vertical in body axes."""
         s = self.start
         body = self.body
         z = s.centre[2] + s.velocity[2] * t - 0.5 * self.gravity * t * t
-        return np.asarray(z[:, None] + vertical @ body.points[which].T - body.balls[which])
+        return np.asarray(z[:, None] + vertical @ body.points[points].T - body.ball_radii[points])
 
-    def _ringing(self, t: Array) -> tuple[Array, Array]:
+    def _modal_motion(self, t: Array) -> tuple[Array, Array]:
         """Displacements and velocities (n, J) of the modes at times (n,)."""
-        return ringing(self.body.omega, self.body.decay, self.start.q, self.start.p, t)
+        return free_vibration(self.body.omega, self.body.decay, self.start.q, self.start.p, t)
 
-    def touch(self, until: float) -> float | None:
-        """Time [s] up to `until` at which the first point touches; None if none does.
+    def first_touch(self, until: float) -> float | None:
+        """Time [s] of the first touch of a point; None if none touches up to `until` [s].
 
         A point that touches at the start counts once it has left the floor.
         """
         parted = self.start.heights(self.body) <= TOUCH_HEIGHT * self.body.extent
-        touches = (self._touch(*interval, parted) for interval in self._intervals(until))
+        touches = (self._touch_in(*interval, parted) for interval in self._intervals(until))
         return next((t for t in touches if t is not None), None)
 
     def _intervals(self, end: float) -> Iterator[tuple[float, float, IntArray]]:
-        """Yield (start, end, points): intervals up to `end` in which these points may touch."""
+        """Yield (start, end, indices): these points may touch between these times, up to `end`."""
         body = self.body
         points = np.arange(len(self.body.points))
         spin = float(np.linalg.norm(self.start.spin(body)))
         reach = float(np.linalg.norm(body.points, axis=1).max(initial=0.0))
         # between two samples the height deviates from a straight line by at most a'' h^2/8
         acceleration = self.gravity + 4 * spin**2 * reach
-        # a deviation of TURN^2 times the size is harmless
-        h = max(TURN / spin if spin > 0 else end, TURN * np.sqrt(8 * body.extent / acceleration))
+        # a deviation of ROTATION_STEP^2 times the size is harmless
+        harmless = ROTATION_STEP * np.sqrt(8 * body.extent / acceleration)
+        h = max(ROTATION_STEP / spin if spin > 0 else end, harmless)
         count = int(np.clip(np.ceil(end / h), 1, MOST_SAMPLES))
         edges = np.linspace(0.0, end, count + 1)
         slack = acceleration * (edges[1] - edges[0]) ** 2 / 8
-        for first in range(0, count, AT_ONCE):
-            t = edges[first : first + AT_ONCE + 1]
-            rigid_heights = self._rigid(t, self.orientation(t)[:, 2], points)
+        for first in range(0, count, CHUNK_SIZE):
+            t = edges[first : first + CHUNK_SIZE + 1]
+            rigid_heights = self._rigid_heights(t, self.orientation(t)[:, 2], points)
             may_touch = (
                 np.minimum(rigid_heights[:-1], rigid_heights[1:]) <= self._bounds(t[:-1]) + slack
             )
             for k in np.flatnonzero(may_touch.any(axis=1)):
                 yield float(t[k]), float(t[k + 1]), np.flatnonzero(may_touch[k])
 
-    def _touch(self, start: float, end: float, which: IntArray, parted: BoolArray) -> float | None:
-        """Time [s] in an interval at which the first of the points `which` touches, or None.
+    def _touch_in(
+        self, start: float, end: float, points: IntArray, parted: BoolArray
+    ) -> float | None:
+        """Time [s] of the first touch of one of these points in an interval, or None.
 
-        parted : (V,) whether a point touched and has yet to leave the floor; it is updated.
+        parted : (V,) whether a point has parted and not yet left the floor; it is updated.
         """
-        count = max(int(np.ceil((end - start) * SAMPLES * self._fastest(start) / (2 * np.pi))), 2)
+        frequency = self._highest_frequency(start)
+        count = max(int(np.ceil((end - start) * PERIOD_SAMPLES * frequency / (2 * np.pi))), 2)
         tolerance = TOUCH_HEIGHT * self.body.extent
-        for first in range(0, count, AT_ONCE_ELASTIC):
-            last = min(first + AT_ONCE_ELASTIC, count)
+        for first in range(0, count, ELASTIC_CHUNK_SIZE):
+            last = min(first + ELASTIC_CHUNK_SIZE, count)
             t = start + (end - start) * np.arange(first, last + 1) / count
-            h = self.heights(t, which)
+            h = self.heights(t, points)
             # a point that has parted is free to touch once it has left the floor
-            free = np.logical_or.accumulate(h > tolerance, axis=0) | ~parted[which]
+            free = np.logical_or.accumulate(h > tolerance, axis=0) | ~parted[points]
             falls = (h[1:] < 0) & (h[:-1] >= 0) & free[:-1]
             sinks = ~free[:-1] & (h[1:] < h[:-1]) & (h[1:] < -tolerance)
-            parted[which[free[-1]]] = False
+            parted[points[free[-1]]] = False
             touching = np.flatnonzero((falls | sinks).any(axis=1))
             if len(touching):
                 i = int(touching[0])
                 if sinks[i].any():
                     return float(t[i])
-                return self._located(float(t[i]), float(t[i + 1]), which[falls[i]])
+                return self._touch_time(float(t[i]), float(t[i + 1]), points[falls[i]])
 
         return None
 
-    def _located(self, start: float, end: float, which: IntArray) -> float:
-        """The time at which the first of some points reaches the floor."""
+    def _touch_time(self, start: float, end: float, points: IntArray) -> float:
+        """Time [s] in an interval at which the first of these points reaches the floor."""
         from scipy.optimize import brentq
 
         def lowest(t: float) -> float:
-            return float(self.heights(np.array([t]), which).min())
+            return float(self.heights(np.array([t]), points).min())
 
         if lowest(start) <= 0:
             return start
-        return float(brentq(lowest, start, end, xtol=TOUCH_TIME))
+        return float(brentq(lowest, start, end, xtol=TOUCH_TIME_ERROR))
 
     def _bounds(self, t: Array) -> Array:
         """Bounds (n, V) [m] on the elastic displacements of all points after times (n,)."""
-        bounds = displacement_bounds(self.body.omega, *self._ringing(t))
-        return np.asarray(bounds @ self.body.sizes.T)
+        bounds = displacement_bounds(self.body.omega, *self._modal_motion(t))
+        return np.asarray(bounds @ self.body.mode_sizes.T)
 
-    def _fastest(self, start: float) -> float:
+    def _highest_frequency(self, start: float) -> float:
         """Highest frequency [rad/s] of modes that move a point noticeably after a time."""
-        (bounds,) = displacement_bounds(self.body.omega, *self._ringing(np.array([start])))
-        motion = bounds * self.body.sizes.max(axis=0)
-        frequencies = self.body.omega[motion > MOVED_SHARE * self.body.extent]
+        (bounds,) = displacement_bounds(self.body.omega, *self._modal_motion(np.array([start])))
+        motion = bounds * self.body.mode_sizes.max(axis=0)
+        frequencies = self.body.omega[motion > MOTION_SHARE * self.body.extent]
         return float(frequencies.max(initial=0.0))

@@ -17,7 +17,7 @@ from antiosc.base.texts import FieldsRepr
 from antiosc.engine.contact.choice import Choice, choose_law
 from antiosc.engine.contact.curvature import CURVED
 from antiosc.engine.contact.surfaces import RIGID_MATTER, Surface, matter_of
-from antiosc_studies.drops.crushed import law_of_corner
+from antiosc_studies.drops.crushed import corner_law
 from antiosc_studies.drops.free_body import FreeBody, State
 
 #: Largest loss factor.
@@ -125,7 +125,7 @@ class Floor(FieldsRepr):
 
     @property
     def rigid(self) -> bool:
-        """Whether neither its material, its law nor a layer makes it yield."""
+        """Whether it is rigid: without a material, a layer and a law."""
         return all(x is None for x in (self.material, self.layer, self.law))
 
     @cached_property
@@ -166,8 +166,8 @@ class Setting:
     tol: float  # relative error of the contact forces
 
 
-def law_of(floor: Floor, surface: Surface) -> ContactLaw:
-    """The contact law of a floor with a surface."""
+def contact_law(floor: Floor, surface: Surface) -> ContactLaw:
+    """The contact law of a surface with a floor."""
     if floor.law is not None:
         return floor.law
     if floor.layer is not None:
@@ -178,11 +178,11 @@ def law_of(floor: Floor, surface: Surface) -> ContactLaw:
             raise InputError("a line or a plane on a layer has no law of its own: give a radius.")
         return layer_law(floor.layer, pi * floor.layer.E / (curvature * floor.layer.thickness), 2.0)
 
-    return choice_of(floor, surface).law
+    return law_choice(floor, surface).law
 
 
-def choice_of(floor: Floor, surface: Surface) -> Choice:
-    """The choice of law for a surface on the floor's face."""
+def law_choice(floor: Floor, surface: Surface) -> Choice:
+    """The law for the contact of a surface with the material of the floor, and its reasons."""
     if surface.matter.rigid and floor.face.matter.rigid:
         raise InputError(
             "a rigid part on a rigid floor has no law of contact: give the floor a material, a "
@@ -192,26 +192,26 @@ def choice_of(floor: Floor, surface: Surface) -> Choice:
     return choose_law(surface, floor.face, floor.restitution)
 
 
-def surface_at(body: FreeBody, which: int) -> Surface:
-    """The surface of a body at point number `which`."""
-    low, high = np.sort(1 / body.radii[which]).tolist()
-    return Surface(body.materials[which], (low, high), kind=CURVED)
+def surface_at(body: FreeBody, index: int) -> Surface:
+    """The surface of a body at its point `index`."""
+    low, high = np.sort(1 / body.radii[index]).tolist()
+    return Surface(body.materials[index], (low, high), kind=CURVED)
 
 
-def law_at(body: FreeBody, floor: Floor, which: int) -> ContactLaw:
-    """The contact law of point number `which` of a body with a floor."""
-    surface = surface_at(body, which)
-    return law_of(floor, surface)
+def law_at(body: FreeBody, floor: Floor, index: int) -> ContactLaw:
+    """The contact law of a floor with the point `index` of a body."""
+    surface = surface_at(body, index)
+    return contact_law(floor, surface)
 
 
-def law_in(body: FreeBody, start: State, floor: Floor, which: int, arm: Array) -> ContactLaw:
-    """The law of point number `which` that touches in the state `start`; corners are crushed.
+def touch_law(body: FreeBody, start: State, floor: Floor, index: int, r: Array) -> ContactLaw:
+    """The contact law of a point that touches in a state; that of a sharp corner is `corner_law`.
 
-    arm : (3,) from the centre of mass to the point [m].
+    r : position (3,) of the point relative to the centre of mass [m].
     """
-    ball = law_at(body, floor, which)
-    edges = body.facets.get(which)
+    ball = law_at(body, floor, index)
+    edges = body.facets.get(index)
     if edges is None or not isinstance(ball, ElasticPlastic):
         return ball
 
-    return law_of_corner(ball, edges, body, start, arm)
+    return corner_law(ball, edges, body, start, r)

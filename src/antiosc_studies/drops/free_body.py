@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 #: Of at most so many points the patches of all are computed together: that costs less.
 FEW_POINTS = 16
 
-#: Points by their numbers.
-Which: TypeAlias = "slice | IntArray | Sequence[int]"
+#: Indices of points.
+Indices: TypeAlias = "slice | IntArray | Sequence[int]"
 #: Shapes (J, 3), residual compliance (3, 3) and radii (2,) of the patch at a point.
 Patch: TypeAlias = tuple[Array, Array, Array]
 
@@ -30,14 +30,14 @@ class FreeBody:
     """A free body with the points that may touch, V of them."""
 
     mass: float  # mass of the body [kg]
-    tensor: Array  # (3, 3) inertia about the centre of mass [kg m^2]
-    #: (V, 3) relative to the centre [m]; if `balls` > 0, the centre of a ball of that radius [m]
-    #: whose surface is that of the body there
+    inertia: Array  # (3, 3) inertia about the centre of mass [kg m^2]
+    #: (V, 3) relative to the centre [m]; if `ball_radii` > 0, the centre of a ball of that radius
+    #: [m] whose surface is that of the body there
     points: Array
     centre: Array  # (3,) centre of mass in the axes of the mesh [m]
-    balls: Array
+    ball_radii: Array
     #: (V, 2) principal radii for the contact law [m]; at smooth places of a solid they are
-    #: approximate until `sites` fits them
+    #: approximate until `patches` fits them
     radii: Array
     materials: Materials  # (V,) the `Matter` at the points; `RIGID` if it is unknown
     #: omega, decay: (J,) frequencies [rad/s] and decay constants [1/s] of the elastic modes
@@ -47,34 +47,34 @@ class FreeBody:
     extent: float  # size of the body [m]
     notes: tuple[str, ...] = ()  # assumptions that were made
     #: (V, 3) outward unit normals of a solid; None: each point touches by itself
-    facing: Array | None = None
+    normals: Array | None = None
     #: the part, with `basis` (rows, J) the shapes of its modes and `skin` its surface
     structure: Structure | None = None
     basis: Array | None = None
     skin: Skin | None = None
-    residual: Callable[[tuple[int, ...]], Patch] | None = None  # computes the patches at points
+    patch_solver: Callable[[tuple[int, ...]], Patch] | None = None  # computes the patches at points
     #: (V,) whether a point is a sharp corner of a solid; None: none is
     sharp: BoolArray | None = None
-    corner: float = 0.0  # that radius [m], within which the points of a solid are one contact
-    #: number of a sharp point of a solid -> (n, 2, 3) edges of its outward facets from there
+    corner_radius: float = 0.0  # [m]; points of a solid that are closer are one contact
+    #: index of a sharp point of a solid -> (n, 2, 3) two edges of each facet, from the point
     facets: dict[int, Array] = field(default_factory=dict)
-    #: number of a point -> its patch, shared by all copies of the body
-    _known: dict[int, Patch] = field(default_factory=dict)
+    #: index of a point -> its patch, if computed; shared by all copies of the body
+    _patches: dict[int, Patch] = field(default_factory=dict)
 
     @cached_property
-    def principal(self) -> tuple[Array, Array]:
+    def principal_inertia(self) -> tuple[Array, Array]:
         """Principal moments (3,) [kg m^2] and their axes as rows (3, 3)."""
-        moments, axes = np.linalg.eigh(self.tensor)
+        moments, axes = np.linalg.eigh(self.inertia)
         return moments, np.asarray(axes.T)
 
     @cached_property
-    def inverse(self) -> Array:
+    def inverse_inertia(self) -> Array:
         """(3, 3) inverse of the inertia tensor."""
-        return np.linalg.inv(self.tensor)
+        return np.linalg.inv(self.inertia)
 
     @property
-    def sizes(self) -> Array:
-        """(V, J) lengths of the displacements of the points in the modes [kg^-1/2]."""
+    def mode_sizes(self) -> Array:
+        """(V, J) magnitudes of the displacements of the points in the modes [kg^-1/2]."""
         return np.asarray(np.linalg.norm(self.shapes, axis=2))
 
     def rigid_modes(self, R: Array) -> tuple[Array, Array]:
@@ -83,45 +83,45 @@ class FreeBody:
         A mode is a velocity of the centre and a spin; its momentum is linear, and angular about the
         centre.
         """
-        moments, axes = self.principal
+        moments, axes = self.principal_inertia
         modes = np.eye(6)
         modes[3:, 3:] = axes @ R.T
         size = np.sqrt(np.append(np.full(3, self.mass), moments))[:, None]
         return modes / size, modes * size
 
     @property
-    def slowest(self) -> float:
+    def longest_period(self) -> float:
         """Longest period of the elastic modes [s]; 0 for a rigid body."""
         return 2 * np.pi / float(self.omega[0]) if self.omega.size else 0.0
 
     @property
     def vertices(self) -> Array:
         """(V, 3) vertices of the surface relative to the centre [m]."""
-        if self.facing is None:
+        if self.normals is None:
             return self.points
-        return self.points + self.balls[:, None] * self.facing
+        return self.points + self.ball_radii[:, None] * self.normals
 
     @property
     def matters(self) -> list[Matter]:
-        """The known materials of its surface, each once."""
+        """The known materials of its surface, without repetition."""
         materials = self.materials if self.skin is None else self.skin.materials
         return [m for m in {id(m): m for m in materials}.values() if not m.rigid]
 
-    def sites(self, which: IntArray) -> tuple[Array, Array]:
+    def patches(self, indices: IntArray) -> tuple[Array, Array]:
         """Shapes (n, J, 3) and residual compliances (n, 3, 3) of the patches at points (n,)."""
         count = len(self.points)
-        asked = range(count) if count <= FEW_POINTS else which.tolist()
-        new = tuple(i for i in asked if i not in self._known)
+        asked = range(count) if count <= FEW_POINTS else indices.tolist()
+        new = tuple(i for i in asked if i not in self._patches)
         if new:
             rows = list(new)
             r = np.zeros((len(new), 3, 3))
-            if self.residual is not None:
-                self.shapes[rows], r, self.radii[rows] = self.residual(new)
+            if self.patch_solver is not None:
+                self.shapes[rows], r, self.radii[rows] = self.patch_solver(new)
             patches = zip(self.shapes[rows], r, self.radii[rows], strict=True)
-            self._known.update(zip(new, patches, strict=True))
+            self._patches.update(zip(new, patches, strict=True))
 
         phi, r, _ = (
-            np.array(column) for column in zip(*map(self._known.get, which.tolist()), strict=True)
+            np.array(part) for part in zip(*map(self._patches.get, indices.tolist()), strict=True)
         )
         return phi, r
 
@@ -143,21 +143,24 @@ class State:
 
     def spin(self, body: FreeBody) -> Array:
         """Angular velocity (3,) in the axes of the floor [rad/s]."""
-        return np.asarray(self.R @ (body.inverse @ (self.R.T @ self.momentum)))
+        return np.asarray(self.R @ (body.inverse_inertia @ (self.R.T @ self.momentum)))
 
-    def arms(self, body: FreeBody, which: Which = slice(None)) -> Array:
-        """Arms (n, 3) [m] from the centre of mass to the lowest point of each ball."""
-        displaced = body.points[which] + np.einsum("njd,j->nd", body.shapes[which], self.q)
+    def positions(self, body: FreeBody, indices: Indices = slice(None)) -> Array:
+        """Positions (n, 3) [m] of the points relative to the centre, in the axes of the floor.
+
+        The point of a ball is its lowest one.
+        """
+        displaced = body.points[indices] + np.einsum("njd,j->nd", body.shapes[indices], self.q)
         arms = displaced @ self.R.T
-        arms[:, 2] -= body.balls[which]
+        arms[:, 2] -= body.ball_radii[indices]
         return np.asarray(arms)
 
     def heights(self, body: FreeBody) -> Array:
         """Heights (V,) [m] of the points over the floor."""
-        return np.asarray(self.centre[2] + self.arms(body)[:, 2])
+        return np.asarray(self.centre[2] + self.positions(body)[:, 2])
 
     def energies(self, body: FreeBody, gravity: float) -> tuple[float, float, float]:
-        """Energies [J] of the rigid motion, of the vibration, and of the centre's height."""
+        """Energies [J]: kinetic of the rigid motion, of the vibration, and potential by gravity."""
         rigid = 0.5 * body.mass * self.velocity @ self.velocity
         rigid += 0.5 * self.momentum @ self.spin(body)
         elastic = 0.5 * (self.p @ self.p + (body.omega * self.q) @ (body.omega * self.q))

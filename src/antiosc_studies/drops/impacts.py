@@ -55,7 +55,7 @@ UNITS = (
     ("speed_before", "m/s"), ("speed_after", "m/s"), ("lost", "J"),
 )  # fmt: skip
 #: Headings of the printed table, their units, and how each is printed.
-PRINTED = (
+TABLE_COLUMNS = (
     ("time", "s", "time", ".5f"), ("peak", "N", "peak_force", ".4g"),
     ("impulse", "N s", "impulse", ".4g"), ("contact", "s", "contact_time", ".4g"),
     ("touches", "", "touches", "d"), ("speed before", "m/s", "speed_before", ".4g"),
@@ -72,7 +72,7 @@ class Impacts(tuple[FallImpact, ...]):
         return np.array([np.nan if value is None else value for value in values])
 
     def columns(self) -> dict[str, Array]:
-        """Name with unit -> (n,) values."""
+        """The table: name with unit -> values (n,) of all impacts."""
         place = self.column("place").reshape(-1, 3)
         table = {f"{name.replace('_', ' ')} ({unit})": self.column(name) for name, unit in UNITS}
         table["touches"] = self.column("touches")
@@ -96,7 +96,7 @@ class Impacts(tuple[FallImpact, ...]):
     def __str__(self) -> str:
         columns = [
             (heading, unit, *(format(getattr(impact, name), form) for impact in self))
-            for heading, unit, name, form in PRINTED
+            for heading, unit, name, form in TABLE_COLUMNS
             if name != "touches" or self.touch_again
         ]
         bars = ("–" if one.law_error is None else percent(one.law_error) for one in self)
@@ -138,54 +138,54 @@ class Peak(FieldsRepr):
         return self.value
 
 
-def impact_of(body: FreeBody, gravity: float, landed: PointContacts) -> FallImpact:
-    """The numbers of one impact from its episodes, under a gravity [m/s^2]."""
+def impact_of(body: FreeBody, gravity: float, contacts: PointContacts) -> FallImpact:
+    """The table row of one impact from its contacts, under a gravity [m/s^2]."""
     # a point above its dent begins an episode without force, which counts as flight
-    episodes = [one for one in landed.episodes if one.forces()[1].any()] or landed.episodes
+    episodes = [one for one in contacts.episodes if one.forces()[1].any()] or contacts.episodes
     impulses: dict[int, float] = {}
     for current in episodes:
-        for i, value in zip(current.which.tolist(), current.impulses().tolist(), strict=True):
+        for i, value in zip(current.indices.tolist(), current.impulses().tolist(), strict=True):
             impulses[i] = impulses.get(i, 0.0) + value
 
     strongest = max(impulses, key=lambda i: impulses[i])
     first, last = episodes[0].start, episodes[-1].end
     energies = [sum(state.energies(body, gravity)) for state in (first, last)]
-    time, force = force_of(episodes)
-    place = body.points[strongest] - body.balls[strongest] * first.R[2] + body.centre
+    time, force = total_force(episodes)
+    place = body.points[strongest] - body.ball_radii[strongest] * first.R[2] + body.centre
 
     return FallImpact(
         time=first.time,
         contact_time=last.time - first.time,
-        touches=_touches(force),
-        hardest_touch=_hardest_touch(time, force),
+        touches=_touch_count(force),
+        hardest_touch=_hardest_touch_duration(time, force),
         place=place,
         contacts=sum(value > 0 for value in impulses.values()),
         peak_force=max(current.peak_force() for current in episodes),
         impulse=sum(impulses.values()),
-        speed_before=-_rising(body, first, strongest),
-        speed_after=_rising(body, last, strongest),
+        speed_before=-_upward_speed(body, first, strongest),
+        speed_after=_upward_speed(body, last, strongest),
         spin_before=first.spin(body),
         spin_after=last.spin(body),
         lost=energies[0] - energies[1],
-        law_error=landed.law_error,
+        law_error=contacts.law_error,
     )
 
 
-def force_of(episodes: Sequence[Episode]) -> tuple[Array, Array]:
-    """Times (n,) [s] since the start of the first episode, and the sum of the normal forces [N]."""
+def total_force(episodes: Sequence[Episode]) -> tuple[Array, Array]:
+    """Times (n,) [s] since the first touch, and sums of the normal forces (n,) [N]."""
     first = episodes[0].start.time
     records = [(episode.start.time - first, *episode.forces()) for episode in episodes]
     time = np.concatenate([offset + t for offset, t, _ in records])
     return time, np.concatenate([force.sum(axis=1) for _, _, force in records])
 
 
-def _touches(force: Array) -> int:
+def _touch_count(force: Array) -> int:
     """How many times a force (n,) rises from zero."""
     touching = np.append(False, force > 0)
     return int(np.sum(touching[1:] & ~touching[:-1]))
 
 
-def _hardest_touch(time: Array, force: Array) -> float:
+def _hardest_touch_duration(time: Array, force: Array) -> float:
     """Duration [s] of the touch with the largest of the forces (n,) at these times."""
     top = int(np.argmax(force))
     off = np.flatnonzero(force <= 0)
@@ -195,7 +195,7 @@ def _hardest_touch(time: Array, force: Array) -> float:
     return float(time[last] - time[first])
 
 
-def _rising(body: FreeBody, state: State, point: int) -> float:
-    """Upward velocity [m/s] of a point of the rigid body."""
-    (arm,) = state.arms(body, [point])
+def _upward_speed(body: FreeBody, state: State, index: int) -> float:
+    """Upward speed [m/s] of the point `index` of the rigid body."""
+    (arm,) = state.positions(body, [index])
     return float((state.velocity + np.cross(state.spin(body), arm))[2])

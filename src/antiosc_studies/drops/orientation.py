@@ -1,4 +1,4 @@
-"""How a part is turned before its fall."""
+"""The orientation of a part at the start of its fall."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from antiosc.models.motion import unit_vector
 from antiosc_studies.drops.free_body import FreeBody
 
 #: Number of faces that an edge and a corner belong to.
-FACES = {"face": 1, "edge": 2, "corner": 3}
+FACE_COUNTS = {"face": 1, "edge": 2, "corner": 3}
 DOWN = np.array([0.0, 0.0, -1.0])
 
 
@@ -38,7 +38,7 @@ def orientation(
     R = np.eye(3)
     for name, value in given_options.items():
         down = unit_vector(name, value) if name == "toward" else _downward(body, name, value)
-        R = onto(down, DOWN)
+        R = smallest_rotation(down, DOWN)
     angles = checks.floats("tilt", tilt, None)
     if angles.shape != (3,):
         tilt_text = checks.shown(tilt)
@@ -46,31 +46,31 @@ def orientation(
             f"tilt must be three angles in degrees, about x, y and z; got {tilt_text}."
         )
 
-    return tilted(angles) @ R
+    return tilt_rotation(angles) @ R
 
 
-def tilted(angles: Array) -> Array:
+def tilt_rotation(angles: Array) -> Array:
     """Rotation (3, 3) by angles (3,) [degree] about fixed x, then y, then z."""
     return np.asarray(Rotation.from_euler("xyz", angles, degrees=True).as_matrix())
 
 
-def onto(direction: Array, other: Array) -> Array:
-    """The smallest rotation (3, 3) that turns the unit vector `direction` into `other`."""
-    middle = direction + other
+def smallest_rotation(direction: Array, target: Array) -> Array:
+    """The smallest rotation (3, 3) that turns the unit vector `direction` into `target`."""
+    middle = direction + target
     if middle @ middle < 1e-12:  # half a turn about an axis across
         axis = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
         return np.asarray(2 * np.outer(axis, axis) / (axis @ axis) - np.eye(3))
-    rotation = 2 * np.outer(other, direction) - np.outer(middle, middle) / (1 + direction @ other)
+    rotation = 2 * np.outer(target, direction) - np.outer(middle, middle) / (1 + direction @ target)
     return np.asarray(np.eye(3) + rotation)
 
 
-def _downward(body: FreeBody, kind: str, argument: object) -> Array:
-    """Unit vector (3,) in the body that points down on the named face, edge or corner."""
-    name = checks.text(kind, argument)
+def _downward(body: FreeBody, kind: str, value: object) -> Array:
+    """Unit vector (3,) in the axes of the body toward the named face, edge or corner."""
+    name = checks.text(kind, value)
     components = {axis: float(f"{sign}1") for sign, axis in re.findall(r"([+-])([xyz])", name)}
-    if not len(name) / 2 == len(components) == FACES[kind]:
+    if not len(name) / 2 == len(components) == FACE_COUNTS[kind]:
         if kind == "face" and body.structure is not None:
-            return _group(body, name)
+            return _group_normal(body, name)
         example = {"face": "-z", "edge": "-x-z", "corner": "+x-y-z"}[kind]
         raise InputError(f"{kind} names its faces, as {example!r}; got {name!r}.")
 
@@ -87,8 +87,8 @@ def _downward(body: FreeBody, kind: str, argument: object) -> Array:
     return np.asarray(extreme / np.linalg.norm(extreme))
 
 
-def _group(body: FreeBody, name: str) -> Array:
-    """The mean outward normal of a group of faces."""
+def _group_normal(body: FreeBody, name: str) -> Array:
+    """Mean outward unit normal (3,) of a group of faces."""
     from antiosc.extension import on_mesh
     from antiosc.reduce.site.map_sites import surface_sample
 

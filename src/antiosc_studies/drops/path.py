@@ -1,9 +1,9 @@
-"""The run of a scene of body and floor on the body's own path.
+"""Runs of a scene of body and floor that account for the rotation of the body.
 
-The first run of the scene is linear about the orientation at the touch. The path of each run
-changes the lever arms and the gaps; the next run has these changes as given loads and gaps
-(`on_path`), until they no longer change. The result is that of the rotating body, and conserves its
-energy.
+The first run of the scene is linear about the orientation at the touch. The path of the body in a
+run changes the lever arms and the gaps; the next run has these changes as given loads and gaps
+(`scene_on_path`), until they no longer change. The result is that of the rotating body, and its
+energy is conserved.
 """
 
 from __future__ import annotations
@@ -23,49 +23,49 @@ from antiosc.extension import check_range, integrate_exact
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.states import contact_forces, linear_interpolation, steps_at
 from antiosc_studies.drops.flight import rotation_matrices
-from antiosc_studies.drops.touching import AXES, BODY, TINY, Touch
+from antiosc_studies.drops.touching import BODY, SITE_AXES, TINY, Touch
 
 # Measured as in `episode`.
 #: Number of fixed-point iterations for the orientations on a path: ten change peak forces by 5e-12,
 #: two by 3e-4.
-SWEEPS = 5
+ROTATION_ITERATIONS = 5
 #: Error of a step of the first run, which only tells how long the contact lasts.
-ROUGH_ERROR = 1e-3
+FIRST_STEP_ERROR = 1e-3
 #: A later contact belongs to the same episode if the body has turned by less than this [rad].
-FOLLOWING_TURN = 0.01
+SAME_EPISODE_ROTATION = 0.01
 #: Samples of the rotation in an episode (2e-5).
-SAMPLES = 64
+ROTATION_SAMPLES = 64
 #: Samples of a contact's path times sqrt(tol) (1e-5 on concrete, 1.4e-3 on the soft floor).
 PATH_SAMPLES = 2.0
 #: Most samples of a contact's path.
 MOST_PATH_SAMPLES = 4096
-#: A scene is repeated until its loads and gaps change by less than CLOSE_CHANGE times tol, or by
-#: less than NEAR_CHANGE times tol without further decrease.
-CLOSE_CHANGE, NEAR_CHANGE = 0.03, 0.3
+#: Runs are repeated until loads and gaps change by less than CONVERGED_CHANGE times tol, or by less
+#: than ACCEPTED_CHANGE times tol without further decrease.
+CONVERGED_CHANGE, ACCEPTED_CHANGE = 0.03, 0.3
 #: Most runs of a scene on its path; it stalls if STALLED_RUNS runs did not halve the change.
 MOST_RUNS, STALLED_RUNS = 12, 4
 #: Largest number of contacts and of steps of a scene.
-LIMITS = 10_000, 50_000
+RUN_LIMITS = 10_000, 50_000
 #: If a run stops before this share of the expected contact time, no contact forces fit at its
 #: start.
-JAM_TIME = 1e-6
+JAMMED_SHARE = 1e-6
 
 
 class Path(NamedTuple):
     """Modal states q, v (n, 6 + J) and orientations R (n, 3, 3) of the body at times (n,).
 
-    `turns` (n, 3): sum of its rotations so far [rad].
+    `rotations` (n, 3): sum of its rotations so far [rad].
     """
 
     times: Array
     q: Array
     v: Array
     R: Array
-    turns: Array
+    rotations: Array
 
 
 def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
-    """The path of the body at times (n,) of a run, the first of which is 0."""
+    """The path of the body in a run, at times (n,) [s] from 0."""
     q, v = (motion[:, history.assembly.spans[BODY]] for motion in history.states(t))
     body, start, W, momentum = touch
     L = v[:, :6] @ momentum[:, 3:]
@@ -74,8 +74,9 @@ def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
     linear = np.diff(q[:, :6] @ W[:, 3:], axis=0)
 
     R = np.broadcast_to(start.R, (len(t), 3, 3))
-    for _ in range(SWEEPS):
-        spin_change = np.einsum("nab,nb->na", R @ body.inverse @ np.swapaxes(R, 1, 2), L) - frozen
+    for _ in range(ROTATION_ITERATIONS):
+        inverse = R @ body.inverse_inertia @ np.swapaxes(R, 1, 2)
+        spin_change = np.einsum("nab,nb->na", inverse, L) - frozen
         rotations = linear + half * (spin_change[:-1] + spin_change[1:])
         R = np.concatenate((start.R[None], rotation_matrices(rotations)))
         span = 1
@@ -86,27 +87,27 @@ def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
     return Path(t, q, v, R, np.concatenate((np.zeros((1, 3)), np.cumsum(rotations, axis=0))))
 
 
-def on_path(
-    touch: Touch, which: IntArray, base: Assembly, history: SceneHistory, path: Path
+def scene_on_path(
+    touch: Touch, indices: IntArray, base: Assembly, history: SceneHistory, path: Path
 ) -> tuple[Assembly, float]:
-    """The scene `base` with the lever arms of its points `which` on a path, and its change.
+    """The scene `base` with the lever arms of its points on a path, and its relative change.
 
-    The additional effect of the run's forces on these arms becomes given loads, the additional
-    motion of the points becomes part of the gaps. The change from the scene of
-    `history` is relative: of gaps to the largest depth, of loads to the largest contact loads.
+    The forces of the run on these lever arms make additional given loads, and the additional motion
+    of the points makes additional gaps. Change: from the scene of `history`, of the gaps over the
+    largest depth, of the loads over the largest contact loads. indices : of its points.
     """
     body, _, W, _ = touch
     first, previous = base.system, history.assembly.system
     span = base.spans[BODY]
     beta = first.beta[:, span]
-    shapes = body.shapes[which]
-    balls = body.balls[which, None]
+    shapes = body.shapes[indices]
+    balls = body.ball_radii[indices, None]
     R = path.R
     displacement = path.q - path.q[0]
-    arms = body.points[which] + np.einsum("kjd,nj->nkd", shapes, path.q[:, 6:])
-    arms = arms @ np.swapaxes(R, 1, 2) - balls * AXES[0]
+    arms = body.points[indices] + np.einsum("kjd,nj->nkd", shapes, path.q[:, 6:])
+    arms = arms @ np.swapaxes(R, 1, 2) - balls * SITE_AXES[0]
     point_motion = arms - arms[0] + (displacement[:, :6] @ W[:, :3])[:, None]
-    point_motion -= np.cross(path.turns[:, None], balls * AXES[0])  # a ball rolls
+    point_motion -= np.cross(path.rotations[:, None], balls * SITE_AXES[0])  # a ball rolls
     row_forces = contact_forces(history.run, *steps_at(history.run, path.times))
     point_forces = np.zeros_like(arms)
 
@@ -121,7 +122,7 @@ def on_path(
     linear = row_forces @ beta
     loads = linear_interpolation(path.times, first.breaks, first.loads).copy()
     loads[:, span] += linear + np.append(total @ W.T, bending, axis=1)
-    depth = history.run.depth[:, : len(which)]
+    depth = history.run.depth[:, : len(indices)]
     change = max(
         _ratio(
             offsets - linear_interpolation(path.times, previous.breaks, previous.offsets), depth
@@ -138,8 +139,8 @@ def _ratio(change: Array, size: Array) -> float:
     return float(np.abs(change).max()) / max(float(np.abs(size).max()), TINY)
 
 
-class Followed(NamedTuple):
-    """A run on its own path.
+class PathRun(NamedTuple):
+    """A run of a scene, and the path of the body in it.
 
     change : relative change by the last correction; end : time [s] at which the episode ends;
     touching : whether the body still touches then.
@@ -153,16 +154,16 @@ class Followed(NamedTuple):
 
 
 def sufficient_duration(
-    touch: Touch, base: Assembly, first: float, longest: float, turns: float
+    touch: Touch, base: Assembly, first: float, longest: float, rotation: float
 ) -> float:
-    """A duration [s] in which the contact ends: `first`, doubled up to `longest`.
+    """A duration [s] in which the contact ends: `first`, doubled until it does, or `longest`.
 
-    turns : rotation [rad] at which the episode is cut.
+    rotation : rotation [rad] at which the episode is cut.
     """
     duration = first
     while duration < longest:
-        history = run_once(base, duration, ROUGH_ERROR, {})
-        end, touching = _end(touch, history, turns)
+        history = run_once(base, duration, FIRST_STEP_ERROR, {})
+        end, touching = _episode_end(touch, history, rotation)
         if not touching or end < history.time[-1] or history.status:
             break
         duration = min(2 * duration, longest)
@@ -171,30 +172,30 @@ def sufficient_duration(
 
 
 def run_converged(
-    touch: Touch, which: IntArray, base: Assembly, duration: float, turns: float, tol: float
-) -> Followed:
-    """Repeat the scene `base` on the path of the previous run until the paths no longer change."""
+    touch: Touch, indices: IntArray, base: Assembly, duration: float, rotation: float, tol: float
+) -> PathRun:
+    """Repeat the scene `base` on the path of the previous run until the paths converge."""
     history: SceneHistory | None = None
     corrected, share = base, 0.0
     changes: list[float] = []
     while True:
         if history is None or history.status or len(changes) == 1:
-            history, share = run(corrected, duration, tol)
+            history, share = run_scene(corrected, duration, tol)
         else:
-            scale = float(history.run.force[:, : len(which)].max())
+            scale = float(history.run.force[:, : len(indices)].max())
             history = run_once(corrected, duration, share, history.error, scale)
 
-        end, touching = _end(touch, history, turns)
-        path = path_of(touch, history, _times(base, history, end, tol))
-        corrected, change = on_path(touch, which, base, history, path)
+        end, touching = _episode_end(touch, history, rotation)
+        path = path_of(touch, history, _path_times(base, history, end, tol))
+        corrected, change = scene_on_path(touch, indices, base, history, path)
         changes.append(change)
         count = len(changes)
         stalls = count == MOST_RUNS or (count >= STALLED_RUNS and change > changes[-3] / 2)
-        if change <= CLOSE_CHANGE * tol or stalls:
-            return Followed(history, path, change, end, touching)
+        if change <= CONVERGED_CHANGE * tol or stalls:
+            return PathRun(history, path, change, end, touching)
 
 
-def _times(base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:
+def _path_times(base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:
     """Times (n,) up to `end` at which the path is evaluated."""
     count = 1 + int(min(np.ceil(PATH_SAMPLES / np.sqrt(tol)), MOST_PATH_SAMPLES))
     spans = [span for c in history.contact_histories for span in c.contacts]
@@ -202,22 +203,22 @@ def _times(base: Assembly, history: SceneHistory, end: float, tol: float) -> Arr
     return np.unique(np.clip(np.concatenate([base.system.breaks, *t]), 0.0, end))
 
 
-def _end(touch: Touch, history: SceneHistory, turns: float) -> tuple[float, bool]:
+def _episode_end(touch: Touch, history: SceneHistory, rotation: float) -> tuple[float, bool]:
     """Time at which the episode ends [s], and whether the body still touches.
 
-    It ends when all contacts have parted, except those that follow soon; a longer contact is cut
-    when the body has turned by `turns` [rad].
+    It ends when all contacts have parted and the next one does not follow soon. A longer contact is
+    cut when the body has turned by `rotation` [rad].
     """
     last = float(history.time[-1])
-    times = np.linspace(0.0, last, SAMPLES + 1)
+    times = np.linspace(0.0, last, ROTATION_SAMPLES + 1)
     nodes = history.time[::2]
     q = history.states(times)[0][:, history.assembly.spans[BODY]]
     angle = np.linalg.norm((q - q[0])[:, :6] @ touch.modes[:, 3:], axis=1)
-    too_far = nodes[np.searchsorted(nodes, np.append(times[angle > turns], last)[0])]
+    too_far = nodes[np.searchsorted(nodes, np.append(times[angle > rotation], last)[0])]
 
     end = 0.0
     for first, parting in sorted(s for c in history.contact_histories for s in c.contacts):
-        if first > end > 0 and np.interp(first, times, angle) > FOLLOWING_TURN:
+        if first > end > 0 and np.interp(first, times, angle) > SAME_EPISODE_ROTATION:
             break
         end = max(end, parting)
 
@@ -229,19 +230,19 @@ def _end(touch: Touch, history: SceneHistory, turns: float) -> tuple[float, bool
     return float(too_far if continues else end), bool(continues)
 
 
-def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, float]:
-    """(converged history of a scene, its step error over the force, for `run_once`).
+def run_scene(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, float]:
+    """The converged history of a scene, and its error of a step over the force, for `run_once`.
 
     AccuracyError if a force is out of range of its law, or friction jams a contact.
     """
     with without_warnings():
-        converged = integrate_exact(assembly, duration, tol, None, *LIMITS)
+        converged = integrate_exact(assembly, duration, tol, None, *RUN_LIMITS)
     ended = converged.run
-    friction, wedge = _worst_wedge(assembly.system)
-    at_start = ended.time[-1] <= JAM_TIME * assembly.contact_time_estimate
+    friction, wedge = _worst_wedging(assembly.system)
+    at_start = ended.time[-1] <= JAMMED_SHARE * assembly.contact_time_estimate
     presses = (ended.force[-1, : len(assembly.system.sides)] > 0).any()
     if at_start or (ended.answer and presses and friction * wedge > 1):
-        raise _jam(friction, wedge)
+        raise _jam_error(friction, wedge)
 
     history = _history(assembly, converged.run, {"force": converged.force, "peak": converged.peak})
     check_range(history)
@@ -249,21 +250,21 @@ def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, 
 
 
 def run_once(
-    assembly: Assembly, duration: float, share: float, error: dict[str, float], scale: float = 0.0
+    assembly: Assembly, duration: float, rtol: float, error: dict[str, float], scale: float = 0.0
 ) -> SceneHistory:
     """The history of one run.
 
-    share : largest error of the forces in a step, over `scale` [N], the size of the forces, or if
-    that is 0 over the largest so far; error : estimated errors for the history.
+    rtol : largest error of the forces in a step, over `scale` [N], or if that is 0 over the largest
+    force so far; error : estimated errors for the history.
     """
     record = march_once(
         assembly.system,
         duration,
-        share,
+        rtol,
         scale=scale,
         fine=assembly.contact_time_estimate / TOUCH_RESOLUTION,
-        max_contacts=LIMITS[0],
-        max_steps=LIMITS[1],
+        max_contacts=RUN_LIMITS[0],
+        max_steps=RUN_LIMITS[1],
     )
     return _history(assembly, record, error)
 
@@ -273,9 +274,9 @@ def _history(assembly: Assembly, record: Run, error: dict[str, float]) -> SceneH
     return SceneHistory(assembly, record, error, STOPPED if record.answer else COMPLETED, "")
 
 
-def _worst_wedge(system: System) -> tuple[float, float]:
-    """The contact that is nearest to jamming: its coefficient of friction, and its displacement
-    into the floor per unit tangential force over that out of it per unit normal force.
+def _worst_wedging(system: System) -> tuple[float, float]:
+    """Coefficient of friction of the contact that is nearest to jamming, and its wedging: the
+    displacement by a unit tangential force over that by a unit normal force.
     """
     friction, wedge = 0.0, 0.0
     for k, sides in enumerate(system.sides):
@@ -288,9 +289,9 @@ def _worst_wedge(system: System) -> tuple[float, float]:
     return friction, wedge
 
 
-def _jam(friction: float, wedge: float) -> AccuracyError:
-    """The error of a scene that cannot go on: friction jams it or, without friction, no forces
-    satisfy its contacts; `wedge` as from `_worst_wedge`.
+def _jam_error(friction: float, wedging: float) -> AccuracyError:
+    """The error of a scene that friction jams or, without friction, whose contacts no forces
+    satisfy; `wedging` as of `_worst_wedging`.
     """
     if friction == 0:
         return AccuracyError(
@@ -299,7 +300,7 @@ def _jam(friction: float, wedge: float) -> AccuracyError:
 
     return AccuracyError(
         f"friction of {friction:.3g} jams a point at its contact: sliding presses it in by "
-        f"{friction * wedge:.3g} times what its normal force lifts it, by the compliance of the "
+        f"{friction * wedging:.3g} times what its normal force lifts it, by the compliance of the "
         f"modes that are left out, which must stay well below 1; take more modes, or less "
         f"friction."
     )

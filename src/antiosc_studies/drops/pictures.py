@@ -22,18 +22,18 @@ MOST_TRIANGLES = 6000
 COLOUR = (0.35, 0.55, 0.8)
 
 
-def overview(fall: Any, path: str | os.PathLike[str] | None) -> Figure | Path:
-    """The part as it first hits, its height, the energies, and the forces of the impacts."""
+def draw_fall(fall: Any, path: str | os.PathLike[str] | None) -> Figure | Path:
+    """Draw the part at its first touch, its height, the energies, and the forces of the impacts."""
     figure = new_figure((9.0, 6.0), shown=path is None)
     grid = figure.add_gridspec(2, 2)
     first = fall.episodes[0].start if fall.episodes else fall.end
     axes = figure.add_subplot(grid[0, 0], projection="3d", proj_type="ortho", computed_zorder=False)
-    _posed(axes, fall.body, first)
+    _draw_part(axes, fall.body, first)
     axes.set_title("at the first touch", fontsize=10)
     height = figure.add_subplot(grid[0, 1])
     touches = [episode.start.time for episode in fall.episodes]
     times = np.union1d(np.linspace(0.0, fall.end.time, HEIGHT_TIMES), touches)
-    states = [at(fall, t) for t in times.tolist()]
+    states = [state_at(fall, t) for t in times.tolist()]
     height.plot(times, [state.centre[2] for state in states], label="centre of mass")
     lowest = [state.heights(fall.body).min() for state in states]
     height.plot(times, lowest, label="lowest point")
@@ -54,7 +54,7 @@ def overview(fall: Any, path: str | os.PathLike[str] | None) -> Figure | Path:
 
 
 def surface_of(body: FreeBody) -> tuple[Array, IntArray]:
-    """Points (P, 3) from the centre of mass, and triangles (T, 3), of the surface or the hull."""
+    """Points (P, 3) [m] from the centre of mass, and triangles (T, 3), of the surface or hull."""
     from scipy.spatial import ConvexHull, QhullError
 
     skin = body.skin
@@ -62,10 +62,10 @@ def surface_of(body: FreeBody) -> tuple[Array, IntArray]:
         return skin.points - body.centre, skin.triangles
 
     points = body.points
-    if body.balls.any() and len(points) == 1:  # a ball
+    if body.ball_radii.any() and len(points) == 1:  # a ball
         grid = np.array([*product(np.linspace(-1, 1, 9), repeat=3)])
         grid = grid[np.abs(grid).max(axis=1) == 1]
-        points = body.balls[0] * grid / np.linalg.norm(grid, axis=1, keepdims=True)
+        points = body.ball_radii[0] * grid / np.linalg.norm(grid, axis=1, keepdims=True)
 
     try:
         return points, np.asarray(ConvexHull(points).simplices)
@@ -73,8 +73,8 @@ def surface_of(body: FreeBody) -> tuple[Array, IntArray]:
         return points, np.zeros((0, 3), dtype=int)
 
 
-def _posed(axes: Any, body: FreeBody, state: State) -> None:
-    """Draw the part above the floor as it is in a state."""
+def _draw_part(axes: Any, body: FreeBody, state: State) -> None:
+    """Draw the part and the floor in a state."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
     points, triangles = surface_of(body)
@@ -104,9 +104,9 @@ def _posed(axes: Any, body: FreeBody, state: State) -> None:
     axes.set_axis_off()
 
 
-def at(fall: Any, time: float) -> State:
+def state_at(fall: Any, time: float) -> State:
     """The state at a time [s] of the fall; during a contact, the state at its start."""
     flight = [fall.flights[0], *(f for f in fall.flights if f.start.time <= time)][-1]
     starts = [one.start for one in fall.episodes if flight.start.time <= one.start.time <= time]
-    state: State = starts[-1] if starts else flight.at(time - flight.start.time)
+    state: State = starts[-1] if starts else flight.state_at(time - flight.start.time)
     return state

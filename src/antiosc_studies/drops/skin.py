@@ -23,27 +23,27 @@ SMOOTH_COSINE = float(np.cos(np.radians(35.0)))
 #: Largest radius of curvature over the size of the part.
 FLATTEST = 10.0
 #: Least ratio of the principal curvatures of a place that counts as part of a ball.
-LEAST_ROUNDNESS = 0.5
+LEAST_CURVATURE_RATIO = 0.5
 #: Largest protrusion of a ball from the hull over its radius, in addition to the height of facets.
 MOST_PROTRUSION = 0.05
 #: Number of directions in which it is checked: neighbours are some 0.25 rad apart, √(4π/200).
-DIRECTIONS = 200
+DIRECTION_COUNT = 200
 #: An extent below this share of the largest counts as zero.
-THIN = 1e-9
+ZERO_EXTENT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The vertices of a surface, P of them."""
+    """The surface of a part, as its P vertices."""
 
     #: points, normals: (P, 3) coordinates [m] and outward unit normals (zero if unknown)
     points: Array
     normals: Array
     curvatures: Array  # (P, 2) principal curvatures [1/m], > 0 where the surface is convex
     sharp: BoolArray  # (P,) whether the vertex lies on an edge or a corner
-    sizes: Array  # (P,) mean length of the element edges there [m]
+    edge_lengths: Array  # (P,) mean length of the element edges there [m]
     materials: Materials  # (P,) the `Matter` there; `RIGID_MATTER` if it is unknown
-    half: Array  # (P,) half the thickness of a sheet [m]; 0 for a solid
+    half_thickness: Array  # (P,) half the thickness of a sheet [m]; 0 for a solid
     triangles: IntArray  # (T, 3) between the points
 
     @property
@@ -51,34 +51,34 @@ class Skin:
         """Diagonal of the box around the points [m]."""
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
-    def radii(self, which: int, corner: float) -> tuple[float, float]:
-        """Principal radii [m] of a vertex; if sharp half a sheet's thickness, or `corner`."""
-        if self.sharp[which]:
-            rounded = float(self.half[which]) or corner
+    def radii(self, vertex: int, corner_radius: float) -> tuple[float, float]:
+        """Principal radii [m] at a vertex; if it is sharp, half a sheet or `corner_radius`."""
+        if self.sharp[vertex]:
+            rounded = float(self.half_thickness[vertex]) or corner_radius
             return rounded, rounded
-        return self.rounded(self.curvatures[which])
+        return self.limited_radii(self.curvatures[vertex])
 
-    def rounded(self, curvatures: Array) -> tuple[float, float]:
-        """Radii [m] for principal curvatures (2,) [1/m], at most FLATTEST times the skin's size."""
+    def limited_radii(self, curvatures: Array) -> tuple[float, float]:
+        """Radii [m] for principal curvatures (2,) [1/m], at most FLATTEST times the part's size."""
         first, second = np.maximum(curvatures, 1 / (FLATTEST * self.size))
         return 1 / float(first), 1 / float(second)
 
     @property
-    def balls(self) -> Array:
-        """Radius (P,) [m] of the ball that fits the surface at each vertex; 0 if none fits."""
+    def ball_radii(self) -> Array:
+        """Radii (P,) [m] of balls that fit the surface at the vertices; 0 where none fits."""
         low, high = self.curvatures.T
-        rounded = ~self.sharp & (low > LEAST_ROUNDNESS * high) & (high * self.size > 1)
+        rounded = ~self.sharp & (low > LEAST_CURVATURE_RATIO * high) & (high * self.size > 1)
         return np.where(rounded, 2 / np.where(rounded, low + high, 1.0), 0.0)
 
-    def balls_within(self, vertices: IntArray) -> Array:
-        """Radii of the balls of hull vertices (V,); 0 for balls that protrude from the hull.
+    def hull_ball_radii(self, vertices: IntArray) -> Array:
+        """Radii (V,) [m] of balls at hull vertices (V,); 0 for balls that protrude from the hull.
 
-        A ball stands for the surface on all its sides. A ball larger than the part there, as at a
-        shallow dome or with cells too coarse for the curvature, would touch where there is no part.
+        A protruding ball, as at a shallow dome or with cells too coarse for the curvature, would
+        touch where there is no part.
         """
-        balls = self.balls[vertices]
+        balls = self.ball_radii[vertices]
         points = self.points[vertices]
-        sizes = self.sizes[vertices]
+        sizes = self.edge_lengths[vertices]
         centres = points - balls[:, None] * self.normals[vertices]
         allowed = MOST_PROTRUSION * balls + sizes**2 / (4 * np.maximum(balls, np.finfo(float).tiny))
         for direction in _sphere_directions():
@@ -90,8 +90,8 @@ class Skin:
 
 def _sphere_directions() -> Array:
     """Directions (DIRECTIONS, 3) distributed evenly on a spiral."""
-    k = np.arange(DIRECTIONS)
-    z = 1 - (2 * k + 1) / DIRECTIONS
+    k = np.arange(DIRECTION_COUNT)
+    z = 1 - (2 * k + 1) / DIRECTION_COUNT
     angle = k * np.pi * (3 - np.sqrt(5))
     horizontal = np.sqrt(1 - z * z)
     return np.column_stack([horizontal * np.cos(angle), horizontal * np.sin(angle), z])
@@ -152,7 +152,8 @@ def mesh_skin(part: MeshedStructure) -> Skin:
         np.bincount(directed_edges[:, 0], minlength=len(x)), 1
     )
     materials, half = _materials(part)
-    skin = replace(points_skin(x), normals=normals, sizes=sizes, materials=materials, half=half)
+    skin = replace(points_skin(x), normals=normals, edge_lengths=sizes)
+    skin = replace(skin, materials=materials, half_thickness=half)
     if count != 3:
         return skin
 
@@ -160,8 +161,8 @@ def mesh_skin(part: MeshedStructure) -> Skin:
     if not part.kind.outside:
         return skin
 
-    sharp = _sharp(x, normals, ground.elements)
-    fitted, curvatures = _fitted(x, normals, directed_edges, sizes)
+    sharp = _sharp_vertices(x, normals, ground.elements)
+    fitted, curvatures = _quadrics(x, normals, directed_edges, sizes)
     normals = np.where(sharp[:, None], normals, fitted)
     return replace(skin, normals=normals, curvatures=curvatures, sharp=sharp)
 
@@ -185,8 +186,8 @@ def _materials(part: MeshedStructure) -> tuple[Materials, Array]:
     return matters[label], half[label]
 
 
-def _sharp(x: Array, normals: Array, triangles: IntArray) -> BoolArray:
-    """Mask of vertices whose facets are inclined to the mean normal."""
+def _sharp_vertices(x: Array, normals: Array, triangles: IntArray) -> BoolArray:
+    """Mask (P,) of vertices with a facet that is inclined to the mean normal."""
     corners = x[triangles]
     raw_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     raw_normals /= np.linalg.norm(raw_normals, axis=1, keepdims=True)
@@ -196,12 +197,12 @@ def _sharp(x: Array, normals: Array, triangles: IntArray) -> BoolArray:
     return smallest_cosine < SMOOTH_COSINE
 
 
-def _fitted(x: Array, normals: Array, edges: IntArray, size: Array) -> tuple[Array, Array]:
+def _quadrics(x: Array, normals: Array, edges: IntArray, lengths: Array) -> tuple[Array, Array]:
     """Normals (P, 3) and ascending principal curvatures (P, 2) of quadrics fitted to neighbours.
 
     Relative to the plane of the mean normal the neighbours lie at the height a u + b v + (c u^2 + 2
-    d u v + e v^2)/2. edges: (E, 2) from vertices to their neighbours; size: (P,) mean lengths of
-    these [m].
+    d u v + e v^2)/2. edges: (E, 2) from vertices to their neighbours; lengths: (P,) mean lengths
+    of these [m].
     """
     vertex = edges[:, 0]
     edge = x[edges[:, 1]] - x[vertex]
@@ -209,7 +210,7 @@ def _fitted(x: Array, normals: Array, edges: IntArray, size: Array) -> tuple[Arr
     first = np.cross(normals, axis)
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), np.finfo(float).tiny)
     second = np.cross(normals, first)
-    unit = edge / size[vertex, None]
+    unit = edge / lengths[vertex, None]
     u, v, w = (np.einsum("ed,ed->e", unit, axes[vertex]) for axes in (first, second, normals))
     rows = np.stack([u, v, u * u / 2, u * v, v * v / 2], axis=1)
     A = np.zeros((len(x), 5, 5))
@@ -220,16 +221,16 @@ def _fitted(x: Array, normals: Array, edges: IntArray, size: Array) -> tuple[Arr
     fitted = normals - a[:, None] * first - b[:, None] * second
     fitted /= np.maximum(np.linalg.norm(fitted, axis=1, keepdims=True), np.finfo(float).tiny)
     curvature = -np.stack([np.stack([c, d], axis=1), np.stack([d, e], axis=1)], axis=1)
-    return fitted, np.linalg.eigvalsh(curvature / size[:, None, None])
+    return fitted, np.linalg.eigvalsh(curvature / lengths[:, None, None])
 
 
-def hull(points: Array) -> IntArray:
-    """Numbers of the points (P, 3) on their convex hull, points in its faces included."""
+def hull_indices(points: Array) -> IntArray:
+    """Indices of the vertices of the convex hull of points (P, 3)."""
     from scipy.spatial import ConvexHull
 
     middle = points.mean(axis=0)
     _, size, axes = np.linalg.svd(points - middle, full_matrices=False)
-    flattened = (points - middle) @ axes[size > THIN * size[0]].T
+    flattened = (points - middle) @ axes[size > ZERO_EXTENT * size[0]].T
     if flattened.shape[1] == 0:
         return np.zeros(1, dtype=int)
     if flattened.shape[1] == 1:

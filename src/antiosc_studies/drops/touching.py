@@ -1,7 +1,7 @@
-"""The body at a touch and the floor as a scene, and its runs.
+"""The scene of the body and the floor from a touch.
 
 The points that may touch are sites with a normal and two tangential directions. The scene is linear
-about the orientation at the touch; `episode` corrects it for the rotation.
+about the orientation at the touch; `path` corrects it for the rotation.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from antiosc.base._types import Array, IntArray
 from antiosc.engine.equilibrium import continue_contacts
 from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly, assemble_scene
-from antiosc_studies.drops.floor import Setting, law_in
+from antiosc_studies.drops.floor import Setting, touch_law
 from antiosc_studies.drops.free_body import FreeBody, State
 
 BODY = "part"
 FLOOR = "floor"
 #: Directions of the columns of a site: normal to the floor, and along it.
-AXES = np.eye(3)[[2, 0, 1]]
+SITE_AXES = np.eye(3)[[2, 0, 1]]
 #: Duration over which friction springs of an ongoing contact are extended, over the contact time.
 EXTENSION_TIME = 1e-5
 #: Replaces 0 in denominators.
@@ -39,7 +39,7 @@ TINY = float(np.finfo(float).tiny)
 
 
 class Touch(NamedTuple):
-    """The body at the start of an episode, with its rigid modes in that state and their momenta."""
+    """The body at the start of an episode, with its rigid modes (6, 6) and their momenta there."""
 
     body: FreeBody
     start: State
@@ -57,61 +57,61 @@ class OngoingContact(NamedTuple):
 
     height: float  # at zero force [m]
     force: Array  # of its rows: normal, friction [N]
-    stiffness: float  # tangential [N/m]
-    contact: ContactState
+    tangential_stiffness: float  # tangential [N/m]
+    state: ContactState
     law: ContactLaw
 
 
 def scene_of(
-    touch: Touch, setting: Setting, which: IntArray, held: dict[int, OngoingContact]
+    touch: Touch, setting: Setting, indices: IntArray, ongoing: dict[int, OngoingContact]
 ) -> Assembly:
     """The scene of the body at a touch and the floor, ready to run.
 
-    which : numbers of the points that may touch; held : number of a point -> contact that goes on.
+    indices : of the points that may touch; ongoing : index of a point -> contact that continues.
     """
     body, start, modes, _ = touch
     floor = setting.floor
-    sites = body.sites(which)
-    arms = start.arms(body, which)
+    sites = body.patches(indices)
+    arms = start.positions(body, indices)
     bodies: dict[str, Any] = {BODY: _body_in_scene(touch, sites, arms), FLOOR: Obstacle()}
     rigid = modes @ np.append(body.mass * start.velocity, start.momentum)
     motion = {BODY: ModalState(np.append(np.zeros(6), start.q), np.append(rigid, start.p))}
-    ongoing = [held.get(i) for i in which.tolist()]
+    previous = [ongoing.get(i) for i in indices.tolist()]
     contacts = [
         Contact(
             f"{BODY}:{k}",
             FLOOR,
-            law_in(body, start, floor, i, arm) if one is None else one.law,
+            touch_law(body, start, floor, i, arm) if one is None else one.law,
             gap=0.0,
             friction=floor.friction,
-            tangential_stiffness=one.stiffness if one is not None and floor.friction else None,
+            tangential_stiffness=one.tangential_stiffness if one and floor.friction else None,
         )
-        for k, (i, arm, one) in enumerate(zip(which.tolist(), arms, ongoing, strict=True))
+        for k, (i, arm, one) in enumerate(zip(indices.tolist(), arms, previous, strict=True))
     ]
     gravity = (0.0, 0.0, -setting.gravity)
     time_scale = float(np.sqrt(body.extent / setting.gravity))
     assembly = assemble_scene(Scene(bodies, contacts, gravity=gravity, motion=motion), time_scale)
     system = assembly.system
-    p = len(which)
+    p = len(indices)
     gaps = [
         max(height, 0.0) if one is None else one.height
-        for height, one in zip(start.centre[2] + arms[:, 2], ongoing, strict=True)
+        for height, one in zip(start.centre[2] + arms[:, 2], previous, strict=True)
     ]
     system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
 
     force, extension = np.zeros((2, len(system.beta)))
-    for k, (one, sides) in enumerate(zip(ongoing, system.sides, strict=True)):
+    for k, (one, sides) in enumerate(zip(previous, system.sides, strict=True)):
         if one is not None:
             force[k] = one.force[0]
             force[sides] = one.force[1:]
-            extension[sides] = one.force[1:] / one.stiffness
+            extension[sides] = one.force[1:] / one.tangential_stiffness
 
     # friction springs start unstrained: the displacement by their forces is added to the offsets
     extension += system.R @ force - system.R[:, :p] @ force[:p]
     extension[p:] += system.R[p:, :p] @ force[:p]
     system.offsets[:, :p] += extension[:p]
-    if held:
-        states = [None if one is None else one.contact for one in ongoing]
+    if ongoing:
+        states = [None if one is None else one.state for one in previous]
         continue_contacts(system, states, force[:p])
 
     if extension.any():
@@ -125,13 +125,13 @@ def scene_of(
     return replace(assembly, system=system)
 
 
-def _body_in_scene(touch: Touch, sites: tuple[Array, Array], arms: Array) -> SiteModes:
-    """The body in the floor's axes at the start of the episode, with sites at these arms (n, 3)."""
+def _body_in_scene(touch: Touch, patches: tuple[Array, Array], positions: Array) -> SiteModes:
+    """The modes of the body in the floor's axes, with sites at positions (n, 3) from the centre."""
     body, start, W, momentum = touch
-    phi, r = sites
-    rotation = AXES @ start.R
+    phi, r = patches
+    rotation = SITE_AXES @ start.R
     size = body.omega.size
-    rigid = (W[:, None, :3] + np.cross(W[:, None, 3:], arms)) @ AXES.T
+    rigid = (W[:, None, :3] + np.cross(W[:, None, 3:], positions)) @ SITE_AXES.T
     B = np.concatenate((rigid, np.einsum("ab,njb->jna", rotation, phi)))
     residual = rotation @ r @ rotation.T
     elastic: Any = {}
@@ -143,9 +143,9 @@ def _body_in_scene(touch: Touch, sites: tuple[Array, Array], arms: Array) -> Sit
     return SiteModes(
         np.append(np.zeros(6), body.omega),
         B.reshape(6 + size, -1),
-        {f"{k}": (3 * k, 3 * k + 1, 3 * k + 2) for k in range(len(arms))},
+        {f"{k}": (3 * k, 3 * k + 1, 3 * k + 2) for k in range(len(positions))},
         r=block_diag(*(residual + residual.transpose(0, 2, 1)) / 2),
-        directions=np.tile(AXES, (len(arms), 1)),
+        directions=np.tile(SITE_AXES, (len(positions), 1)),
         decay=np.append(np.zeros(6), body.decay),
         inertia=Inertia(np.zeros(3), momentum.T @ momentum, inertia),
         **elastic,

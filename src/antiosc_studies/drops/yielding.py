@@ -1,8 +1,8 @@
-"""What contacts do to the part and to the floor: dents, and the error of their force by the law.
+"""Dents by the contacts of a fall, and errors of the contact forces by their laws.
 
-Sharp corners touch as balls of the corner's radius, or as the corner that the floor presses flat
-(`crushed`); their force has ± 40 %. Where other vertices touch too there is no bar, and a sentence
-says what helps.
+Sharp corners touch as balls of the corner's radius, or as corners that the floor presses flat
+(`crushed`); their force has an error of ± 40 %. Where vertices beside a corner touch too, the error
+is unknown, and a sentence gives the reason and the remedy.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from antiosc.engine.contact.dent import rim_radius
 from antiosc.engine.contact.peak_error import error_of_peak, largest_strain
 from antiosc.engine.contact.surfaces import Matter, crack_note
 from antiosc.extension import ContactZone
-from antiosc_studies.drops.crushed import FORCE_ERROR, PRESSURE
+from antiosc_studies.drops.crushed import FORCE_ERROR, PRESSURE_RATIO
 from antiosc_studies.drops.episode import Episode
-from antiosc_studies.drops.floor import Floor, choice_of, law_at, surface_at
+from antiosc_studies.drops.floor import Floor, law_at, law_choice, surface_at
 from antiosc_studies.drops.free_body import FreeBody
 
 #: Share of the largest force below which the error of a contact does not count.
-COUNTED_SHARE = 0.1
-#: Stiffness of a given law over that of the surfaces from which it is one of these.
-SOFT_RATIO = 0.9
+COUNTED_FORCE_SHARE = 0.1
+#: A given law with a smaller stiffness over that of the surfaces is softer than these.
+SOFT_LAW_RATIO = 0.9
 
 
 class PointContact(NamedTuple):
@@ -39,7 +39,7 @@ class PointContact(NamedTuple):
 
     body: FreeBody
     floor: Floor
-    which: int  # number of the point
+    point: int  # number of the point
     place: Array  # (3,) in the axes of the mesh [m]
     law: ContactLaw
     force: float  # [N]
@@ -51,54 +51,54 @@ class PointContact(NamedTuple):
     crushed: bool  # whether its law is that of a crushed corner
 
     @property
-    def matter(self) -> Matter:
+    def material(self) -> Matter:
         """The material of the part there."""
-        return cast("Matter", self.body.materials[self.which])
+        return cast("Matter", self.body.materials[self.point])
 
     @property
     def choice(self) -> Choice | None:
-        """The law that both surfaces need, whatever the floor's is; None: they are unknown."""
+        """The law from both surfaces, even if the floor has its own; None if they are unknown."""
         of_faces = Floor(self.floor.material)
         try:
-            return choice_of(of_faces, surface_at(self.body, self.which))
+            return law_choice(of_faces, surface_at(self.body, self.point))
         except InputError:
             return None
 
     @property
     def yields(self) -> bool:
-        """Whether it yields, by its law or by that of its surfaces."""
+        """Whether the contact yields, by its law or by that of its surfaces."""
         return self.dent is not None or self._overload > 1
 
     @property
     def _overload(self) -> float:
-        """Force over that of first yield of the surfaces, if the given law does not yield and is
-        not softer than they are; else 0.
+        """Force over that of first yield of the surfaces; 0 if the contact law yields itself, or
+        is softer than the surfaces.
         """
         law = None if self.choice is None else self.choice.law
         if isinstance(self.law, ElasticPlastic) or not isinstance(law, ElasticPlastic):
             return 0.0
-        is_softer = getattr(self.law, "stiffness", 0.0) < SOFT_RATIO * law.stiffness
+        is_softer = getattr(self.law, "stiffness", 0.0) < SOFT_LAW_RATIO * law.stiffness
         return 0.0 if is_softer else self.force / law.yield_force
 
     @property
     def radius(self) -> float:
         """Radius [m] of the contact at its largest indentation."""
         if self.crushed and isinstance(self.law, ElasticPlastic):
-            return sqrt(self.force / (pi * PRESSURE * self.law.yield_strength))
+            return sqrt(self.force / (pi * PRESSURE_RATIO * self.law.yield_strength))
         if isinstance(self.law, ElasticPlastic):
             return rim_radius(self.law, self.depth)
-        return sqrt(self.depth * float(self.body.radii[self.which].min()))
+        return sqrt(self.depth * float(self.body.radii[self.point].min()))
 
     @property
     def zone(self) -> ContactZone:
-        """The surroundings that a margin leaves out, in the axes of the mesh."""
-        return ContactZone(self.place, self.radius, inf, self.force, self.matter.nu)
+        """The zone around the contact that stress margins exclude, in the axes of the mesh."""
+        return ContactZone(self.place, self.radius, inf, self.force, self.material.nu)
 
     @property
     def error(self) -> float | None:
-        """Relative error of the force by its law; None if unknown (`no_bar`)."""
+        """Relative error of the force by its law; None if unknown (`no_error_reason`)."""
         choice = self.choice
-        if self.no_bar or choice is None:
+        if self.no_error_reason or choice is None:
             return None
         if self.crushed:
             return FORCE_ERROR
@@ -108,13 +108,13 @@ class PointContact(NamedTuple):
 
     @property
     def sharp(self) -> bool:
-        """Whether it is a sharp corner of a solid."""
-        return self.body.sharp is not None and bool(self.body.sharp[self.which])
+        """Whether the point is a sharp corner of a solid."""
+        return self.body.sharp is not None and bool(self.body.sharp[self.point])
 
     @property
-    def no_bar(self) -> str:
+    def no_error_reason(self) -> str:
         """Why the error of the force is unknown, and the remedy; "" if it is known."""
-        body, floor, i = self.body, self.floor, self.which
+        body, floor, i = self.body, self.floor, self.point
         if floor.law is not None:
             return "the error of a given law of the contact is not known"
         if floor.layer is not None:
@@ -130,7 +130,7 @@ class PointContact(NamedTuple):
                 "edges or faces beside the corner lie so flat that they touch too: the force is a"
                 " lower bound (another tilt, or a law of the floor)"
             )
-        if not self.sharp and float(body.radii[i].max()) > body.extent and not body.balls[i]:
+        if not self.sharp and float(body.radii[i].max()) > body.extent and not body.ball_radii[i]:
             return (
                 "the part lands on a surface that is straight in one direction, at vertices of its "
                 "mesh: smaller cells, or a floor with its own law, narrow it"
@@ -145,13 +145,13 @@ class PointContact(NamedTuple):
         return ""
 
     @property
-    def verdict(self) -> str:
-        """Sentence that the contact yields; "" if it does not, or if that is unknown."""
+    def yield_text(self) -> str:
+        """Sentence: the contact yields; "" if it does not, or if that is unknown."""
         choice = self.choice
 
         if self.dent is not None:
             soft = None if choice is None or self.floor.law is not None else choice.soft
-            sides = (("part", self.matter), ("floor", self.floor.face.matter))
+            sides = (("part", self.material), ("floor", self.floor.face.matter))
             names = [
                 f"the {side}" + (f" ({matter.name})" if matter.name else "")
                 for side, matter in sides
@@ -170,22 +170,22 @@ class PointContact(NamedTuple):
 
     @property
     def error_text(self) -> str:
-        """Text: the error of the force, or why it is unknown."""
+        """Text: the error of the force, or the reason why it is unknown."""
         bar = self.error
-        return self.no_bar if bar is None else f"that force may be off by {percent(bar)}"
+        return self.no_error_reason if bar is None else f"that force may be off by {percent(bar)}"
 
 
 def point_contacts(floor: Floor, episodes: Sequence[Episode]) -> Iterator[PointContact]:
-    """Yield each contact by a law of Hertz, Gonthier or `ElasticPlastic`, and its largest force."""
+    """Yield the contacts of episodes with a law of Hertz, Gonthier or `ElasticPlastic`."""
     for episode in episodes:
         body = episode.body
         time, forces = episode.forces()
         peaks = forces.max(axis=0).tolist()
         times = (episode.start.time + time[forces.argmax(axis=0)]).tolist()
-        depths = episode.sunk().tolist()
+        depths = episode.depths().tolist()
 
-        arms = episode.start.arms(body, episode.which)
-        for k, i in enumerate(episode.which.tolist()):
+        arms = episode.start.positions(body, episode.indices)
+        for k, i in enumerate(episode.indices.tolist()):
             law = law_at(body, floor, i)
             crushed = isinstance(episode.history.assembly.laws[k], Tabulated)
             history = episode.history.contact_histories[k]
@@ -197,7 +197,7 @@ def point_contacts(floor: Floor, episodes: Sequence[Episode]) -> Iterator[PointC
             place = body.centre + arms[k] @ episode.start.R
             dent = history.dent if yields else None
             lines = np.delete(body.vertices, i, axis=0) - body.vertices[i]
-            apart = np.linalg.norm(lines, axis=1) > body.corner
+            apart = np.linalg.norm(lines, axis=1) > body.corner_radius
             yield PointContact(
                 *(body, floor, i, place, law, peaks[k], times[k], depths[k], end - start, dent),
                 clearance=float((lines @ episode.start.R[2]).min(initial=inf, where=apart)),
@@ -206,9 +206,9 @@ def point_contacts(floor: Floor, episodes: Sequence[Episode]) -> Iterator[PointC
 
 
 #: Least number of vertices of a face.
-LEAST_OF_FACE = 3
+FEWEST_FACE_VERTICES = 3
 #: Spread of the vertices that touch over that of a ball's contact, from which a face lies flat.
-FLAT_SPREAD = 2.0
+FLAT_SPREAD_RATIO = 2.0
 
 
 class PointContacts:
@@ -220,38 +220,38 @@ class PointContacts:
         self.contacts = list(point_contacts(floor, episodes))
         self.hardest = max(self.contacts, key=lambda one: one.force, default=None)
         largest = 0.0 if self.hardest is None else self.hardest.force
-        self.hard = [one for one in self.contacts if one.force >= COUNTED_SHARE * largest]
+        self.counted = [one for one in self.contacts if one.force >= COUNTED_FORCE_SHARE * largest]
 
     @cached_property
     def law_error(self) -> float | None:
-        """Relative error of the largest force of a contact by its law; None if unknown."""
-        errors = [(one.error, one.force) for one in self.hard]
-        if self.hardest is None or self.flat or any(error is None for error, _ in errors):
+        """Relative error of the largest contact force by the contact laws; None if unknown."""
+        errors = [(one.error, one.force) for one in self.counted]
+        if self.hardest is None or self.lands_flat or any(error is None for error, _ in errors):
             return None
         return max((error or 0.0) * force for error, force in errors) / self.hardest.force
 
     @property
-    def no_bar(self) -> str:
+    def no_error_reason(self) -> str:
         """Why `law_error` is unknown, and the remedy; "" if it is known."""
-        if self.flat:
+        if self.lands_flat:
             return "a face lands flat, which is outside of this method: tilt it"
         if self.hardest is None:
             return "the error of the contact's law is not known"
-        return next((one.no_bar for one in self.hard if one.no_bar), "")
+        return next((one.no_error_reason for one in self.counted if one.no_error_reason), "")
 
     @property
-    def verdict(self) -> str:
-        """Sentence that a contact yields, with its deepest dent; "" if none does."""
+    def yield_text(self) -> str:
+        """Sentence: a contact yields, with its deepest dent; "" if none does."""
         dents = [one for one in self.contacts if one.dent is not None]
         if not dents:
-            return "" if self.hardest is None else self.hardest.verdict
+            return "" if self.hardest is None else self.hardest.yield_text
 
         deepest = max(dents, key=lambda one: one.depth)
-        if len({one.which for one in self.contacts}) == 1:
-            return deepest.verdict
+        if len({one.point for one in self.contacts}) == 1:
+            return deepest.yield_text
 
         own = engineering(deepest.force, "N")
-        return f"{deepest.verdict} (at one of the places that touch, under {own} of the force)"
+        return f"{deepest.yield_text} (at one of the places that touch, under {own} of the force)"
 
     @property
     def deepest_dent(self) -> float:
@@ -270,8 +270,8 @@ class PointContacts:
         return elastic, crack_note(one.body.matters).rstrip(".")
 
     @cached_property
-    def flat(self) -> bool:
-        """Whether a face lands flat on a stiff floor, by the span of the vertices that touch."""
+    def lands_flat(self) -> bool:
+        """Whether a face lands flat on a stiff floor: the vertices that touch are far apart."""
         if self.floor.law is not None or self.floor.layer is not None:
             return False
 
@@ -281,14 +281,14 @@ class PointContacts:
                 return False
             touched = list(point_contacts(self.floor, [episode]))
             depth = max((one.depth for one in touched), default=0.0)
-            radius = max((float(body.radii[one.which].max()) for one in touched), default=0.0)
+            radius = max((float(body.radii[one.point].max()) for one in touched), default=0.0)
 
             heights = body.vertices @ up
             low = body.vertices[heights - heights.min() <= depth]
-            if len(low) < LEAST_OF_FACE:
+            if len(low) < FEWEST_FACE_VERTICES:
                 continue
             spread = np.linalg.svd(low - low.mean(axis=0), compute_uv=False)[1] / sqrt(len(low))
-            if spread > FLAT_SPREAD * sqrt(2 * radius * depth):
+            if spread > FLAT_SPREAD_RATIO * sqrt(2 * radius * depth):
                 return True
 
         return False
