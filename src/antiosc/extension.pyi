@@ -2,7 +2,6 @@
 
 # Structures: their parts, joints, elements and matrices.
 from antiosc.fem import missing as missing
-from antiosc.fem.assembly import with_parts as with_parts
 from antiosc.fem.assembly.assemble import assemble as assemble
 from antiosc.fem.elements.shell import GivenSheet as GivenSheet
 from antiosc.fem.elements.weak_form import Family as Family, measure as measure
@@ -24,6 +23,7 @@ from antiosc.fem.structure.structure import (
     on_mesh as on_mesh,
     refuse_dampers as refuse_dampers,
     refuse_prestress as refuse_prestress,
+    with_parts as with_parts,
 )
 
 # Fields and pictures of a history.

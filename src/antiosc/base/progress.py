@@ -47,7 +47,7 @@ _work_texts = _WorkTexts()
 
 
 @contextmanager
-def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
+def doing(text: str) -> Iterator[Callable[[str], None]]:
     """Show `text` while the block runs; yields a function that appends a text to it."""
     lines = _work_texts.texts
     index = len(lines)
@@ -55,14 +55,14 @@ def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
 
     def append_text(further_text: str) -> None:
         lines[index] = f"{text}: {further_text}"
-        _write(rank)
+        _write()
 
     try:
-        _write(rank)
+        _write()
         yield append_text
     finally:
         del lines[index:]
-        _write(rank)
+        _write()
 
 
 @contextmanager
@@ -76,11 +76,11 @@ def following_progress(receiver: Callable[[str], None]) -> Iterator[None]:
 
 
 @contextmanager
-def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], None]]:
+def counting(text: str, total: int) -> Iterator[Callable[[int], None]]:
     """Show how many of `total` are done; yields a function that takes the number done."""
     shown_time = time.monotonic()
 
-    with doing(text, rank) as report:
+    with doing(text) as report:
 
         def set_count(count: int) -> None:
             nonlocal shown_time
@@ -92,12 +92,12 @@ def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], N
         yield set_count
 
 
-def _write(rank: int) -> None:
+def _write() -> None:
     """Write the innermost work on the line, or clear the line if there is none."""
     if _work_texts.told is not None:
         _work_texts.told(_work_texts.innermost)
     stream = sys.stderr
-    if not (rank or world_rank() or stream is None) and _is_terminal(stream):
+    if not (world_rank() or stream is None) and _is_terminal(stream):
         _show(stream, _work_texts.innermost)
 
 

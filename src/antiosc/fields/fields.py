@@ -34,10 +34,9 @@ from antiosc.base.checks import floats, instance, nonempty
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.process import one_thread
 from antiosc.base.texts import ReprMixin, percent
-from antiosc.fem.assembly import with_parts
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import collective, on_root
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import (
     AnyHistory,

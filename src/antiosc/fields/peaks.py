@@ -28,10 +28,9 @@ from antiosc.base.stresses import (
     von_mises_parts,
 )
 from antiosc.base.texts import CompletedResult, ReprMixin, engineering, point_text as placed
-from antiosc.fem.assembly import with_parts
 from antiosc.fem.platform import collective
 from antiosc.fem.prestress import Prestress
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.fields import margin
 from antiosc.fields.fields import (
     outer_faces,

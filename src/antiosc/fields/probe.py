@@ -24,10 +24,9 @@ from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn,
 from antiosc.base.process import one_thread
 from antiosc.base.stresses import von_mises
 from antiosc.base.texts import engineering, percent
-from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements import Section
 from antiosc.fem.platform import collective, on_root
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.fields.fields import shapes_of, with_pair_columns
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import (
@@ -237,7 +236,7 @@ def probed_point(
     reach = _reach_of_point(point, snap)
     if end is not None:
         return None
-    if not (structure.matrices.meshed or structure.matrices.assembled):
+    if not structure.matrices.meshed:
         source(structure).at_point(structure, np.zeros((structure.rows, 1)), x, part, reach)
         return None
     from antiosc.fem.structure.place import places_at  # needs dolfinx

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from antiosc.fem.assembly import with_parts
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.recovery import node_fields
 
 

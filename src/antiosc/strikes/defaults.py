@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from antiosc.base.errors import AntioscError, without_warnings
 from antiosc.base.texts import rounded_up
-from antiosc.fem.assembly import with_parts
+from antiosc.fem.structure.structure import with_parts
 from antiosc.impact.bodies import Obstacle
 from antiosc.impact.scene import simulate
 from antiosc.impact.truncation import truncation_error

@@ -13,8 +13,8 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.checks import whole
 from antiosc.base.progress import doing
-from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.linalg.solver_choice import deflections
+from antiosc.fem.structure.meshed import PartsMatrices
 from antiosc.fem.structure.structure import Structure
 from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.reduce.site.map_sites import MapSites, sites_of
@@ -46,7 +46,7 @@ class FreeSites:
 
 def free_sites(
     structure: Structure,
-    matrices: MeshedParts,
+    matrices: PartsMatrices,
     where: SiteSelection,
     direction: Sequence[float] | None,
     radius: float | None,
@@ -56,19 +56,18 @@ def free_sites(
     most_sites: int | None = None,
 ) -> FreeSites:
     """The sites of a map with at most `most` free modes; other arguments as for `impact_map`."""
-    rank = structure.comm.rank
-    with doing("finding the sites of the map", rank):
+    with doing("finding the sites of the map"):
         map_sites = sites_of(matrices, where, direction, radius, most_sites)
 
     structure.factorize(math.inf)
     count = len(map_sites.sites)
-    with doing(f"free modes for {count} sites", rank):
+    with doing(f"free modes for {count} sites"):
         free = _lowest_free_modes(structure, modes, band, most)
 
     omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])
     phi = np.column_stack([structure.rigid_modes, free.phi])
     b = structure.comm.allreduce(map_sites.sites.loads.T @ phi)
-    with doing(f"compliances at {count} sites", rank):
+    with doing(f"compliances at {count} sites"):
         C, G = deflections(structure, map_sites.sites.loads, omega, b)
     return FreeSites(map_sites, omega, phi, b, C, G)
 

@@ -34,9 +34,8 @@ from antiosc.base.progress import counting, doing
 from antiosc.base.texts import engineering, percent, point_text as placed
 from antiosc.engine.contact import ContactLaw, ElasticPlastic
 from antiosc.engine.contact.curvature import SHARP_KINDS
-from antiosc.fem.assembly import with_parts
 from antiosc.fem.platform import collective, on_root, raise_on_all
-from antiosc.fem.structure.structure import Structure, refuse_dampers
+from antiosc.fem.structure.structure import Structure, refuse_dampers, with_parts
 from antiosc.impact.batch import simulate_many
 from antiosc.impact.bodies import Obstacle
 from antiosc.impact.from_rest import peak_deflections
@@ -211,7 +210,7 @@ def impact_map(
             f" {_frequency_text(omega[-1])}: ask for more modes, or lower the band, which is in Hz."
         )
 
-    with doing(f"models of {len(sites)} sites", structure.comm.rank):
+    with doing(f"models of {len(sites)} sites"):
         models, error = _reduced_sites(sites_seen, counts, structure.shift, band, accuracy)
 
     result = ImpactMap(
@@ -264,7 +263,7 @@ def _laws_and_exceptions(
     sites = zip(impact_map.points, impact_map.directions, radii.tolist(), strict=True)
     striker = impactor.surface() if isinstance(impactor, Body) else None
 
-    with counting("laws of the sites", len(impact_map), structure.comm.rank) as ready:
+    with counting("laws of the sites", len(impact_map)) as ready:
         for i, (point, direction, radius) in enumerate(sites):
             of_site = None
             with contextlib.suppress(InputError):

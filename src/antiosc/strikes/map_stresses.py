@@ -10,9 +10,8 @@ import numpy as np
 from antiosc.base._types import Array, IntArray
 from antiosc.base.progress import counting, doing
 from antiosc.base.stresses import VON_MISES_ROOT
-from antiosc.fem.assembly import with_parts
 from antiosc.fem.platform import on_root
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.fields.margin import is_within
 from antiosc.impact.from_rest import ForceSeries, motions_from_rest
 from antiosc.recovery import source
@@ -67,14 +66,14 @@ def largest_stresses(
     `balls` (P, 4): x, y, z and radius [m] of what is left out for the impact at each site.
     """
     places = sides(structure)
-    with doing("stresses of the free modes", structure.comm.rank):
+    with doing("stresses of the free modes"):
         modes = _stresses_of_shapes(structure, sites.phi, places)
     b = sites.b[which]
     slow = b / (sites.omega**2 + structure.shift)
     loads = sites.map_sites.sites.loads[:, which]
     largest: list[tuple[float, Array, float]] = []
 
-    with counting("stresses of the map", len(forces), structure.comm.rank) as ready:
+    with counting("stresses of the map", len(forces)) as ready:
         for first in range(0, len(forces), SITES_AT_ONCE):
             span = slice(first, first + SITES_AT_ONCE)
             y = structure.factorize().solve_block(loads[:, span].toarray())

@@ -12,8 +12,7 @@ import numpy as np
 
 from antiosc.base.errors import AccuracyWarning, InputError, Message, warn, warnings_to
 from antiosc.base.texts import STOPPED
-from antiosc.fem.assembly import with_parts
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.impact.histories import History
 from antiosc.impact.histories.linear_theory import (
     EXPLICIT_REMEDY,
@@ -27,7 +26,6 @@ from antiosc.impact.histories.linear_theory import (
 from antiosc.impact.stretching import stretch_shares_of
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import info_of
-from antiosc.models.stretch import MOST_MODES
 from antiosc.reduce.extraction.stretching import second_order_energies, with_stretch
 
 H = TypeVar("H", bound=History)
@@ -119,7 +117,7 @@ def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
         return model
     if model not in _STRETCHED_MODELS:
         try:
-            _STRETCHED_MODELS[model] = with_stretch(structure, model, "auto", MOST_MODES)
+            _STRETCHED_MODELS[model] = with_stretch(structure, structure.factorize(), model, "auto")
         except InputError:  # of a part that has none
             return model
     return _STRETCHED_MODELS[model]

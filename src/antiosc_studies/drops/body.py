@@ -201,7 +201,7 @@ def _patches(
     skin_points = hull_points[list(points)]
     sites = [_site(skin, k, corner_radius) for k in skin_points.tolist()]
     with without_warnings():
-        loads = functionals(structure, sites)
+        loads = functionals(structure.matrices, sites)
     B = np.hstack([load.B for load in loads])
     Y = structure.factorize().solve_block(B)
     x = omega**2 + structure.shift

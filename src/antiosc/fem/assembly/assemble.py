@@ -38,7 +38,6 @@ from antiosc.fem.assembly.joint import (
     Eliminated,
     Joint,
     Rows,
-    group_end,
     motion_of_end,
 )
 from antiosc.fem.assembly.layout import (
@@ -603,7 +602,7 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
 def _supported_nodes(layout: Layout, support: Support) -> list[tuple[Member, IntArray]]:
     """[(part, its nodes)] that a support fixes."""
     if isinstance(support.where, str):
-        member, group = group_end(layout, "where", support.where)
+        member, group = layout.group_end("where", support.where)
         return [(member, member.nodes_of(group))]
     if isinstance(support.where, NumberedNodes):
         numbered = [member for member in layout.members.values() if len(member.part.mesh.labels)]

@@ -21,8 +21,7 @@ from petsc4py import PETSc
 from antiosc.base._types import Array, BoolArray, Box, IntArray, Matrix
 from antiosc.base.checks import floats
 from antiosc.base.errors import AccuracyError, InputError
-from antiosc.fem.assembly import MeshedParts
-from antiosc.fem.assembly.joint import Constraints, Eliminated, group_end, motion_without_mesh
+from antiosc.fem.assembly.joint import Constraints, Eliminated
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, without_rounding
 from antiosc.fem.linalg.algebra import dot, force_ratios, multiply, uses_strains
 from antiosc.fem.linalg.petsc_algebra import PRODUCT_KEY, from_csr, with_entries
@@ -458,15 +457,15 @@ def _stiffness_operator(layout: Layout, T: Sparse, small: Sparse) -> Callable[[A
 # -- places, from what a user gives
 
 
-def group_of(matrices: MeshedParts, name: str, what: str = "point") -> tuple[Member, str]:
+def group_of(matrices: PartsMatrices, name: str, what: str = "point") -> tuple[Member, str]:
     """(part, group) for the name of a group of one mesh, or "part:group"."""
     if isinstance(matrices, AssembledMatrices):
-        return group_end(matrices.layout, what, name)
+        return matrices.layout.group_end(what, name)
     return matrices.members()[0], name
 
 
-def located_point(
-    matrices: MeshedParts, point: Sequence[float] | str | None, part: str | None, node: int | None
+def point_on_parts(
+    matrices: PartsMatrices, point: Sequence[float] | str | None, part: str | None, node: int | None
 ) -> tuple[Array, str | None, PointMotion | None]:
     """(coordinates (3,) [m], part or None, motion of a point without a mesh or None).
 
@@ -487,10 +486,12 @@ def located_point(
         raise InputError(f"the point {point!r} names its part: leave the part {part!r} out.")
 
     if isinstance(matrices, AssembledMatrices):
-        end = motion_without_mesh(matrices.layout, point)
+        end = matrices.layout.motion_without_mesh(point)
         if end is not None:
             return end.point, None, end
+        member, group = matrices.layout.group_end("point", point)
+    else:
+        (member,), group = matrices.members(), point
 
-    member, group = group_of(matrices, point)
     x = group_centre(member.part.mesh, group)  # the point next to it is taken
     return member.at.placed(x[None])[0], member.name or None, None

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import ClassVar, TypeAlias
+from typing import ClassVar
 
 import numpy as np
 import scipy.linalg
@@ -20,7 +20,7 @@ import scipy.sparse
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import Checked, checked_by, floats, point_text, positive, shown, text
 from antiosc.base.errors import InputError, name_list
-from antiosc.fem.assembly.layout import Layout, Sparse
+from antiosc.fem.assembly.layout import End, Layout, Sparse, end_text
 from antiosc.fem.mesh.surface import WeightedPoints, quadrature
 from antiosc.fem.structure import in_space, skew
 from antiosc.fem.structure.attachments import ElasticTerm
@@ -40,9 +40,6 @@ COLLINEAR_MOMENT = 1e-12
 
 #: Degree of the rule on faces that the ball of an end cuts, and its least number of points in it.
 CUT_DEGREE, CUT_POINTS = 16, 12
-
-#: "part:group" or the name of a reference point, ("part", point) or ("part", point, radius)
-End: TypeAlias = str | tuple[str, tuple[float, ...]] | tuple[str, tuple[float, ...], float]
 
 
 def checked_end(name: str, end: object) -> End:
@@ -69,24 +66,9 @@ def checked_end(name: str, end: object) -> End:
 END_CHECK = checked_by(checked_end)
 
 
-def end_text(end: End) -> str:
-    """An end as text for messages."""
-    if isinstance(end, str):
-        return repr(end)
-    return f"{end[0]!r} {f'within {end[2]:g} m of' if len(end) == 3 else 'at'} {point_text(end[1])}"
-
-
-def group_end(layout: Layout, name: str, end: End) -> tuple[Member, str]:
-    """(part, name of its group) of an end; InputError unless it names a group of a part."""
-    if not isinstance(end, str) or ":" not in end:
-        raise InputError(f'{name} must be a group, "part:group"; got {end_text(end)}.')
-    part, group = end.split(":", 1)
-    return layout.member(part, f"{end_text(end)}: "), group
-
-
 def motion_of_end(layout: Layout, end: End) -> PointMotion:
     """The motion of an end at its reference point."""
-    end_motion = motion_without_mesh(layout, end)
+    end_motion = layout.motion_without_mesh(end)
     if end_motion is not None:
         return end_motion
     if not isinstance(end, str):
@@ -98,7 +80,7 @@ def motion_of_end(layout: Layout, end: End) -> PointMotion:
             f"there is no reference point {end!r}; {points}{hint if end in layout.members else ''}."
         )
 
-    member, group = group_end(layout, "an end", end)
+    member, group = layout.group_end("an end", end)
     nodes = member.nodes_of(group)
     if len(nodes) != 1:
         return mean_motion(layout, member, member.points_of(group))
@@ -106,36 +88,6 @@ def motion_of_end(layout: Layout, end: End) -> PointMotion:
         *(layout.at_nodes(member, nodes, kind) for kind in (DISPLACEMENTS, ROTATIONS))
     )
     return PointMotion(rows, component_projection(member.part.form), member.nodes[nodes[0]])
-
-
-def motion_without_mesh(layout: Layout, end: End) -> PointMotion | None:
-    """The motion of a reference point, or at a superelement; None for other ends."""
-    part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
-    if part in layout.condensed:
-        return _superelement_motion(layout, part, end)
-    if not isinstance(end, str) or end not in layout.points:
-        return None
-    space = scipy.linalg.block_diag(np.eye(3), layout.rotations)
-    return PointMotion(layout.units(layout.point_dofs(end)), space, layout.points[end])
-
-
-def _superelement_motion(layout: Layout, part: str, end: End) -> PointMotion:
-    """The motion of a site or node of a superelement, by its name or its coordinates."""
-    member = layout.condensed[part]
-
-    if isinstance(end, str):
-        name = end.split(":", 1)[1]
-    else:
-        distances = np.linalg.norm(member.points - in_space(end[1]), axis=1)
-        nearest = int(np.argmin(distances))
-        name = list(member.ends)[nearest] if distances[nearest] <= SNAP_SHARE * layout.size else ""
-
-    if name not in member.ends:
-        names = [f"{part}:{site}" for site in member.ends]
-        sites = name_list(end_text(end), names, "its sites and nodes")
-        raise InputError(f"the part {part!r} has no site or node {end_text(end)}; {sites}.")
-
-    return layout.on_u(member.ends[name], member.first)
 
 
 def _point_motion(

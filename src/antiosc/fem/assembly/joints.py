@@ -25,7 +25,6 @@ from antiosc.fem.assembly.joint import (
     checked_end,
     end_text,
     following_rows,
-    group_end,
     mean_motion,
     motion_of_end,
 )
@@ -396,7 +395,7 @@ class Rigid(Joint):
     def prepare(self, layout: Layout, label: str) -> None:
         """Add a reference point to the layout if the group follows no point of the user."""
         if self.point is None:
-            member, group = group_end(layout, "group", self.group)
+            member, group = layout.group_end("group", self.group)
             nodes = member.nodes_of(group)
             if len(nodes) < 2:
                 raise InputError(f"{label}: {self.group!r} is a single point, which is rigid.")
@@ -404,7 +403,7 @@ class Rigid(Joint):
 
     def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
         """Every dof of the group equals the rigid motion of the point."""
-        member, group = group_end(layout, "group", self.group)
+        member, group = layout.group_end("group", self.group)
         nodes = member.nodes_of(group)
         point = label if self.point is None else self.point
         leader = motion_of_end(layout, point)
@@ -452,7 +451,7 @@ class Mean(Joint):
 
     def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
         """Displacement and rotation of the point equal the mean ones of the group."""
-        member, group = group_end(layout, "group", self.group)
+        member, group = layout.group_end("group", self.group)
         nodes = member.nodes_of(group)
         follower = motion_of_end(layout, self.point)
         if len(nodes) == 1:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 import scipy.linalg
@@ -21,7 +22,7 @@ import scipy.sparse.csgraph
 
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import coordinates, shown
+from antiosc.base.checks import coordinates, point_text, shown
 from antiosc.base.errors import InputError, name_list
 from antiosc.fem.linalg import algebra
 from antiosc.fem.platform import compat
@@ -35,7 +36,7 @@ from antiosc.fem.structure import (
     checked_placement,
     in_space,
 )
-from antiosc.fem.structure.loads import ROUNDED_VALUE, PointMotion, Sparse
+from antiosc.fem.structure.loads import ROUNDED_VALUE, SNAP_SHARE, PointMotion, Sparse
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh, refuse_prestress
 from antiosc.io.matrices import DISPLACEMENTS
@@ -170,6 +171,17 @@ def row_maxima(size: Array, row: IntArray, count: int) -> Array:
     return result
 
 
+#: "part:group" or the name of a reference point, ("part", point) or ("part", point, radius)
+End: TypeAlias = str | tuple[str, tuple[float, ...]] | tuple[str, tuple[float, ...], float]
+
+
+def end_text(end: End) -> str:
+    """An end as text for messages."""
+    if isinstance(end, str):
+        return repr(end)
+    return f"{end[0]!r} {f'within {end[2]:g} m of' if len(end) == 3 else 'at'} {point_text(end[1])}"
+
+
 #: Dofs of a reference point.
 POINT_DOFS = 6
 
@@ -247,6 +259,42 @@ class Layout:
             parts = name_list(name, self.names, "its parts")
             raise InputError(f"{prefix}the assembly has no part {name!r}; {parts}.")
         return self.members[name]
+
+    def group_end(self, name: str, end: End) -> tuple[Member, str]:
+        """(part, name of its group) of an end; InputError unless it names a group of a part."""
+        if not isinstance(end, str) or ":" not in end:
+            raise InputError(f'{name} must be a group, "part:group"; got {end_text(end)}.')
+        part, group = end.split(":", 1)
+        return self.member(part, f"{end_text(end)}: "), group
+
+    def motion_without_mesh(self, end: End) -> PointMotion | None:
+        """The motion of a reference point, or at a superelement; None for other ends."""
+        part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
+        if part in self.condensed:
+            return self._superelement_motion(part, end)
+        if not isinstance(end, str) or end not in self.points:
+            return None
+        space = scipy.linalg.block_diag(np.eye(3), self.rotations)
+        return PointMotion(self.units(self.point_dofs(end)), space, self.points[end])
+
+    def _superelement_motion(self, part: str, end: End) -> PointMotion:
+        """The motion of a site or node of a superelement, by its name or its coordinates."""
+        member = self.condensed[part]
+
+        if isinstance(end, str):
+            name = end.split(":", 1)[1]
+        else:
+            distances = np.linalg.norm(member.points - in_space(end[1]), axis=1)
+            nearest = int(np.argmin(distances))
+            is_near = distances[nearest] <= SNAP_SHARE * self.size
+            name = list(member.ends)[nearest] if is_near else ""
+
+        if name in member.ends:
+            return self.on_u(member.ends[name], member.first)
+
+        names = [f"{part}:{site}" for site in member.ends]
+        sites = name_list(end_text(end), names, "its sites and nodes")
+        raise InputError(f"the part {part!r} has no site or node {end_text(end)}; {sites}.")
 
     def on_u(self, motion: PointMotion, first: int) -> PointMotion:
         """The motion of a part as functionals of u; `first`: the part's first dof in u."""

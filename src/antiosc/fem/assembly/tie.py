@@ -31,7 +31,7 @@ import scipy.sparse
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import checked_by, point_text, positive
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.joint import NAME_CHECK, Constraints, Rows, TwoEnds, group_end
+from antiosc.fem.assembly.joint import NAME_CHECK, Constraints, Rows, TwoEnds
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.mesh.surface import Entities, foot_coordinates, largest_entities, pairs_within
 from antiosc.fem.platform import compat
@@ -202,7 +202,7 @@ class Tie(TwoEnds):
     def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
         """Constraints by which every free dof of the follower equals that of the leader."""
         sides = [
-            Facets(*group_end(layout, name, end)) for name, end in (("a", self.a), ("b", self.b))
+            Facets(*layout.group_end(name, end)) for name, end in (("a", self.a), ("b", self.b))
         ]
         if not {side.dim for side in sides} <= {1, 2}:
             kinds = {0: "points", 1: "edges", 2: "faces", 3: "cells"}

@@ -491,7 +491,7 @@ def _blocks_of_solutions(
     """Yield (slice of loads, these loads B as dense columns, A⁻¹B), block by block."""
     count = loads.shape[1]
 
-    with counting("sites of the map", count, solver.comm.rank) as report:
+    with counting("sites of the map", count) as report:
         for first in range(0, count, LOADS_PER_SOLVE):
             part = slice(first, first + LOADS_PER_SOLVE)
             B = loads[:, part].toarray()

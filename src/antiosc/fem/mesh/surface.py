@@ -383,7 +383,8 @@ def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> Weighte
 def group_centre(mesh: Mesh, group: str) -> Array:
     """Centroid (3,) [m] of the highest-dimensional entities of a group, on all ranks."""
     dim, entities = largest_entities(mesh, group)
-    points = quadrature(mesh, dim, owned_entities(mesh, dim, entities), GROUP_DEGREE)
+    entities = owned_entities(mesh, dim, entities)
+    points = quadrature(mesh, dim, entities, GROUP_DEGREE)
     total = mesh.comm.allreduce(points.weight.sum())
     return np.asarray(mesh.comm.allreduce(points.weight @ points.x) / total)
 

@@ -320,7 +320,7 @@ def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
             " modes are left."
         )
 
-    with doing("static step of the prestress", base.comm.rank):
+    with doing("static step of the prestress"):
         solver, _ = base.factored(math.inf)
         tendons = {name: tendon(base, name) for name in loads.tension}
         initial = tendon_strains(loads, tendons, solver)

@@ -484,7 +484,7 @@ class StructureMatrices:
     #: a solver of this K, where there is one already
     solver_of_K: Solver | None = field(default=None, kw_only=True)
 
-    #: whether they are of a mesh, or of several that are joined
+    #: whether they are of parts with meshes, and whether these may be several, that are joined
     meshed: ClassVar[bool] = False
     assembled: ClassVar[bool] = False
     #: whether the node and direction of each row are known

@@ -168,6 +168,8 @@ class PartsMatrices(StructureMatrices):
     part T is the identity but for fixed dofs.
     """
 
+    meshed: ClassVar[bool] = True
+
     @property
     def comm(self) -> MPI.Comm:
         """The MPI communicator that shares the parts."""
@@ -260,8 +262,6 @@ class MeshedStructure(PartsMatrices):
     unloaded: MeshedStructure | None = None
     #: strains free of stress of the cells (n,): strains are then of second order; None: linear
     initial: Array | None = None
-
-    meshed: ClassVar[bool] = True
 
     @property
     def comm(self) -> MPI.Comm:
@@ -595,7 +595,7 @@ def assembled_part(
     if mesh.comm.allreduce(rows - int((fixed < rows).sum())) == 0:
         raise InputError("the supports fix every dof of the structure: nothing can move.")
 
-    with doing(f"assembly of {mesh.n_cells} cells", mesh.comm.rank):
+    with doing(f"assembly of {mesh.n_cells} cells"):
         by_cells = cellwise_products(mesh, form, parts, conditions)
         if by_cells is not None:
             K = cell_matrix(by_cells, 1.0, 0.0)

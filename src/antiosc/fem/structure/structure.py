@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from antiosc.fem.mesh import Mesh
     from antiosc.fem.prestress import Prestress
     from antiosc.fem.structure.attachments import Attachment
-    from antiosc.fem.structure.meshed import MeshedStructure
+    from antiosc.fem.structure.meshed import MeshedStructure, PartsMatrices
     from antiosc.fem.structure.support import Support
 
 #: Of the algebra: "auto" is PETSc where it is installed.
@@ -550,7 +550,7 @@ class Structure(ReprMixin):
 
         if self._factored is None:
             start_time = clock()
-            with doing(f"factorization of {self.dofs} dofs", self.comm.rank):
+            with doing(f"factorization of {self.dofs} dofs"):
                 factor, shift = self.matrices.factored(columns)
             self.seconds["factorization"] = clock() - start_time
             self._factored = factor, shift
@@ -565,7 +565,7 @@ class Structure(ReprMixin):
         if self._expanded is None or self._expanded[1] != shift:
             self._expanded = None  # there may be no room for two
             start_time = clock()
-            with doing(f"factorization of {self.dofs} dofs", self.comm.rank):
+            with doing(f"factorization of {self.dofs} dofs"):
                 self._expanded = self.matrices.solver_of(shift, columns), shift
             self.seconds["expansion"] = clock() - start_time
 
@@ -630,13 +630,18 @@ def structure_with(matrices: StructureMatrices, start_time: float) -> Structure:
     return self
 
 
+def with_parts(structure: Structure, otherwise: str = NO_MESH) -> PartsMatrices:
+    """Matrices of a structure of meshed parts; InputError with `otherwise` if it has no mesh."""
+    if not structure.matrices.meshed:
+        raise InputError(otherwise)
+    return cast("PartsMatrices", structure.matrices)
+
+
 def on_mesh(structure: Structure, otherwise: str = NO_MESH) -> MeshedStructure:
     """The matrices of `structure` with their mesh; without one InputError says `otherwise`."""
     if structure.matrices.assembled:
         raise InputError("this takes a structure of one mesh; an assembly has one for each part.")
-    if not structure.matrices.meshed:
-        raise InputError(otherwise)
-    return cast("MeshedStructure", structure.matrices)
+    return cast("MeshedStructure", with_parts(structure, otherwise))
 
 
 def refuse_prestress(structure: Structure, what: str) -> None:

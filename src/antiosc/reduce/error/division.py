@@ -41,7 +41,6 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.clock import clock
 from antiosc.base.errors import InputError, MeshError, without_warnings
 from antiosc.base.progress import doing
-from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.finer import (
@@ -58,7 +57,7 @@ from antiosc.fem.mesh.finer import (
 from antiosc.fem.mesh.reading import flattened, read_mesh, sound
 from antiosc.fem.mesh.surface import mean_thickness, volume_and_surface
 from antiosc.fem.platform import bounds, compat, on_root, warn
-from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.meshed import MeshedStructure, PartsMatrices
 from antiosc.fem.structure.structure import Structure, on_mesh, structure_with
 from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.by_gmsh import CORNERS_CUT_PHRASE, GEOMETRY_ENDINGS, SizeField
@@ -92,7 +91,7 @@ class Division:
 
     divided = True
 
-    def __init__(self, matrices: MeshedParts) -> None:
+    def __init__(self, matrices: PartsMatrices) -> None:
         if matrices.comm.size > 1:
             raise InputError("the error 'estimate' of beams and shells runs on one rank.")
         self._matrices = matrices
@@ -131,7 +130,7 @@ class Division:
 
         # k0 at the sites, and inertia forces with their reactions
         p = model.n_sites
-        load = np.hstack([site.B for site in functionals(fine, _sites_of(model))])
+        load = np.hstack([site.B for site in functionals(fine.matrices, _sites_of(model))])
         load = load[:, model.info.get("independent", [0])]
         squares = np.square(model.omega)
         inertia = model.inertias / model.unit[p:]
@@ -159,7 +158,7 @@ def _sites_of(model: AntiOscillators) -> list[Site]:
     ]
 
 
-def divided_structure(matrices: MeshedParts) -> Structure:
+def divided_structure(matrices: PartsMatrices) -> Structure:
     """The structure on a mesh with each cell divided; it is made once for each `matrices`."""
     if matrices not in _divided:
         start_time = clock()

@@ -29,12 +29,11 @@ import scipy.sparse
 from antiosc.base import process
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, NotConvergedError
-from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.elements.solid import voigt_stiffness
 from antiosc.fem.linalg.algebra import conjugate_gradients, dot
-from antiosc.fem.linalg.solver import SHELL_BYTES, bytes_of_shells
+from antiosc.fem.linalg.solver import SHELL_BYTES, Solver, bytes_of_shells
 from antiosc.fem.platform import compat
-from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.meshed import MeshedStructure, PartsMatrices
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.parameters import JOINTED_MESSAGE
@@ -73,7 +72,7 @@ class Recovery:
 
     divided = False
 
-    def __init__(self, matrices: MeshedParts) -> None:
+    def __init__(self, matrices: PartsMatrices) -> None:
         self._matrices = matrices
         for member in self._matrices.members():
             _check_part(member.part)
@@ -261,7 +260,7 @@ MOST_DIVIDED_DOFS = 800_000
 FORESEEN_COUNT, BYTES_PER_DOF = 150, 52.0
 
 
-def _why_too_large(matrices: MeshedParts) -> str:
+def _why_too_large(matrices: PartsMatrices) -> str:
     """Why the mesh of a structure is too large to be refined uniformly; "" if it is not."""
     part = matrices.members()[0].part
     name = part.mesh.name
@@ -282,14 +281,14 @@ def _why_too_large(matrices: MeshedParts) -> str:
     return ""
 
 
-def _are_solids(matrices: MeshedParts) -> bool:
+def _are_solids(matrices: PartsMatrices) -> bool:
     """Whether all parts of a structure are solids."""
     if matrices.assembled and cast("AssembledMatrices", matrices).layout.condensed:
         return False
     return all(member.part.kind.outside for member in matrices.members())
 
 
-def refusal(matrices: MeshedParts) -> str:
+def refusal(matrices: PartsMatrices) -> str:
     """Why the error of the mesh of a structure cannot be estimated; "" if it can."""
     if not matrices.assembled and matrices.members()[0].part.kind.name == "truss":
         return TRUSS_REFUSAL
@@ -309,10 +308,9 @@ class ModelErrors:
     """
 
     def __init__(self, structure: Structure) -> None:
-        self._structure = structure
-        if not (structure.matrices.meshed or structure.matrices.assembled):
+        if not structure.matrices.meshed:
             raise InputError("the error of a mesh needs the mesh: given matrices have none.")
-        self._matrices = cast("MeshedParts", structure.matrices)
+        self._matrices = cast("PartsMatrices", structure.matrices)
         self.skipped = refusal(self._matrices)
 
     def check(self) -> None:
@@ -329,7 +327,9 @@ class ModelErrors:
         """The estimator of the structure: by recovered strains, or by a divided mesh."""
         return (Recovery if _are_solids(self._matrices) else Division)(self._matrices)
 
-    def added_to(self, model: AntiOscillators, sites: Mapping[str, Functional]) -> AntiOscillators:
+    def added_to(
+        self, model: AntiOscillators, sites: Mapping[str, Functional], solver: Solver
+    ) -> AntiOscillators:
         """The model with its `strain_error`, and data of its sites for the budget in `info`."""
         if self.skipped:
             return replace(model, info=replace(model.info, no_estimate=self.skipped))
@@ -344,7 +344,7 @@ class ModelErrors:
         patch = None
         if not (model.sites or self._estimator.divided):
             (site,) = sites.values()
-            patch = patch_of(self._structure, self._matrices, site)
+            patch = patch_of(self._matrices, site, solver)
 
         spent = model.info.get("seconds", {})
         info = model.info.having(
@@ -434,9 +434,7 @@ RADIUS_RATIOS = (np.sqrt(2.0), np.sqrt(0.5))
 WHOLE_LOAD_SHARE = 0.99
 
 
-def patch_of(
-    structure: Structure, matrices: MeshedParts, site: Functional
-) -> dict[str, float] | None:
+def patch_of(matrices: PartsMatrices, site: Functional, solver: Solver) -> dict[str, float] | None:
     """Data of a site's patch for the error budget, as JSON values; None for a point.
 
     "faces": size of the faces there [m]; "cut": 1 if an edge cuts the patch; of a patch with
@@ -468,7 +466,7 @@ def patch_of(
     b = matrices.joined(second.loads[:, 0].toarray().ravel(), member.rows)
 
     # bᵀA⁻¹b of both is a difference of two squares: one solve, without cancellation
-    solution = structure.factorize().solve_checked((b - site.b)[:, None])[:, 0]
-    change = float(dot(structure.comm, solution, b + site.b))
+    solution = solver.solve_checked((b - site.b)[:, None])[:, 0]
+    change = float(dot(solver.comm, solution, b + site.b))
     change -= float(second.local[0]) - site.local_compliance
     return {**facts, "radius": float(second.radii[0]), "compliance": change}

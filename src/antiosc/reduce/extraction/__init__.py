@@ -91,6 +91,12 @@ class SiteShapes:
         """x − Y (BᵀY)⁻¹Bᵀx (rows, k): x after forces at the sites are added that hold these."""
         return np.asarray(x - self.y @ (self._inverse_compliance @ dot(comm, self.load, x)))
 
+    def at(self, solver: Solver, shift: float) -> SiteShapes:
+        """The same with the `solver` of A = K + sM for another `shift` s [rad²/s²]."""
+        y = solver.solve_checked(self.load)
+        compliance = dot(solver.comm, self.load, y)
+        return replace(self, y=y, compliance=compliance, solver=solver, shift=shift)
+
     @property
     def rigid(self) -> Array:
         """Displacements (p, q) [kg^-½] of the sites in the q rigid-body modes that move them."""
@@ -104,10 +110,9 @@ class SiteShapes:
         return np.hstack([self.phi[:, rigid_columns] * self.moved[rigid_columns], self.nodal])
 
 
-def site_shapes(structure: Structure, B: Array) -> SiteShapes:
+def site_shapes(structure: Structure, solver: Solver, B: Array) -> SiteShapes:
     """Shapes of unit displacements at the sites with loads B (rows of this rank, c)."""
     comm = structure.comm
-    solver = structure.factorize()
     columns, dependence, W, Y, V, sigma = _site_basis(structure, solver, B)
     B = B[:, columns] @ W
 
@@ -152,16 +157,6 @@ def site_shapes(structure: Structure, B: Array) -> SiteShapes:
         solver=solver,
         shift=structure.shift,
     )
-
-
-def with_larger_shift(structure: Structure, static: SiteShapes, shift: float) -> SiteShapes:
-    """`static` with the solver of A = K + sM for a larger shift s [rad²/s²]."""
-    if shift <= structure.shift:
-        return static
-    solver = structure.factorize_at(shift, static.load.shape[1])
-    y = solver.solve_checked(static.load)
-    bAb = dot(structure.comm, static.load, y)
-    return replace(static, y=y, compliance=bAb, solver=solver, shift=shift)
 
 
 def _site_basis(

@@ -285,7 +285,7 @@ class ModeSolver:
         )
         text = f"search of {search.computed} modes of {structure.dofs} dofs"
         method = _by_arpack if is_scipy(structure.K) else _by_slepc
-        with doing(text, structure.comm.rank), structure.factorize(EQUIVALENT_SITES).accurately():
+        with doing(text), structure.factorize(EQUIVALENT_SITES).accurately():
             values, vectors = method(search)
 
         # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all

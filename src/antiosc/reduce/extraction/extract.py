@@ -23,18 +23,15 @@ from antiosc.base.checks import (
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
 from antiosc.base.process import one_thread
 from antiosc.base.texts import engineering
-from antiosc.fem.linalg.solver import SOLVES_OF_MODEL, bytes_of_shells
+from antiosc.fem.linalg.solver import SOLVES_OF_MODEL, Solver, bytes_of_shells
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import Damping, as_damping
 from antiosc.models.stretch import Count, checked_count
-from antiosc.reduce.extraction import site_shapes, with_larger_shift
+from antiosc.reduce.extraction import site_shapes
 from antiosc.reduce.extraction.eigenmodes import EQUIVALENT_SITES
-from antiosc.reduce.extraction.krylov import (
-    by_krylov,
-    with_damping,
-)
+from antiosc.reduce.extraction.krylov import by_krylov
 from antiosc.reduce.extraction.model import (
     DEFAULT_COUNT,
     UNNAMED_SITE,
@@ -47,9 +44,10 @@ from antiosc.reduce.extraction.model import (
     model_of,
     select_lowest,
     select_observable,
+    with_damping,
 )
 from antiosc.reduce.extraction.stretching import pair_count, with_stretch
-from antiosc.reduce.site import functionals
+from antiosc.reduce.site import functionals, surfaces
 from antiosc.reduce.site.site import Site
 
 if TYPE_CHECKING:
@@ -85,12 +83,15 @@ class ExtractOptions:
 
 def _model_at(
     structure: Structure,
+    solver: Solver,
+    expanded: tuple[Solver, float] | None,
     sites: Sites,
     options: ExtractOptions,
     spent: float,
     errors: ModelErrors | None,
 ) -> AntiOscillators:
-    """The model of one group of sites; `spent`: time of the factorization [s]."""
+    """The model of one group of sites; `solver` of K + sM, `expanded`: the one of a larger shift
+    and this; `spent`: time to find the sites [s]."""
     start_time = time.perf_counter()
     terms = structure.matrices.dissipation()
     refused = {
@@ -104,14 +105,13 @@ def _model_at(
 
     # the modes
     n, tol, band = options.n, options.tol, options.band
-    static = site_shapes(structure, np.hstack([site.B for site in sites.values()]))
+    around = surfaces(structure.matrices, sites)
+    static = site_shapes(structure, solver, np.hstack([site.B for site in sites.values()]))
     remainder: Remainder | None = None
     if options.method == "krylov":
-        expanded = with_larger_shift(
-            structure, static, (2 * np.pi * (options.expansion or 0.0)) ** 2
-        )
+        shifted = static if expanded is None else static.at(*expanded)
         aim = STEP_ACCURACY * options.accuracy
-        modes, remainder = by_krylov(structure, expanded, n, tol, band, aim, terms, options.proof)
+        modes, remainder = by_krylov(structure, shifted, n, tol, band, aim, terms, options.proof)
     else:
         modes = by_modes(structure, static, n, tol)
     known = constraint_modes(structure, static, modes)
@@ -122,6 +122,7 @@ def _model_at(
     info = info.having(
         expansion=options.expansion,
         no_estimate=None if errors is None else errors.skipped or None,
+        surfaces=around,
         seconds={
             **structure.seconds,
             "site": spent,
@@ -140,10 +141,10 @@ def _model_at(
     # the model
     model = model_of(structure, sites, static, selected, info)
     model = replace(model, recurrence=recurrence)
-    if errors is not None and options.error is not None:
-        model = errors.added_to(model, sites)
     if terms or structure.matrices.lossy:
         model = with_damping(structure, model, static, terms)
+    if errors is not None and options.error is not None:
+        model = errors.added_to(model, sites, solver)
     on_root(structure.comm, partial(warn_of_shortfall, model, options, complete))
     return model
 
@@ -300,12 +301,9 @@ def extract(
     Article (12), (15), (20), (23); with a rigid-body mode its section 3.3. The method "krylov":
     `antiosc.reduce.extraction.krylov`.
     """
-    instance("structure", structure, Structure, "a Structure")
+    options = _checked_options(structure, n, method, tol, band, accuracy, expansion, proof, error)
     asked = _checked_sites(site)
     flag("shapes", shapes)
-    choice("error", error, (None, "estimate"))
-    options = _checked_options(structure, n, method, tol, band, accuracy, expansion, proof)
-    options = replace(options, error=error)
     stretch = checked_count(stretch)
     damping_of_modes = as_damping(damping)
     if damping_of_modes is not None:
@@ -313,7 +311,7 @@ def extract(
 
     # the errors of the mesh, or why there are none
     errors: ModelErrors | None = None
-    if error is not None or structure.matrices.meshed or structure.matrices.assembled:
+    if error is not None or structure.matrices.meshed:
         with finite_element_packages():
             from antiosc.reduce.error.model_errors import ModelErrors  # needs dolfinx
         errors = ModelErrors(structure)
@@ -322,7 +320,8 @@ def extract(
 
     # the sites, and a solver for all
     start_time = time.perf_counter()
-    targets = iter(functionals(structure, [one for group in asked for one in group.values()]))
+    wanted = [one for group in asked for one in group.values()]
+    targets = iter(functionals(structure.matrices, wanted))
     groups = [{name: next(targets) for name in group} for group in asked]
     factored = "factorization" in structure.seconds
 
@@ -330,18 +329,23 @@ def extract(
     columns = [sum(target.B.shape[1] for target in group.values()) for group in groups]
     solves = sum(1 + (count - 1) / SOLVES_OF_MODEL for count in columns)
     solves += pair_count(stretch) / SOLVES_OF_MODEL if stretch is not False else 0.0
-    structure.factorize(max(solves, EQUIVALENT_SITES) if method == "modes" else solves)
+    solver = structure.factorize(max(solves, EQUIVALENT_SITES) if method == "modes" else solves)
     spent = time.perf_counter() - start_time
     if not factored:
         spent -= structure.seconds["factorization"]
 
+    expanded = None
+    shift = (2 * np.pi * (options.expansion or 0.0)) ** 2
+    if shift > structure.shift:
+        expanded = structure.factorize_at(shift, max(columns)), shift
+
     models = []
     for group in groups:
-        model = _model_at(structure, group, options, spent, errors)
+        model = _model_at(structure, solver, expanded, group, options, spent, errors)
         if not shapes:
             model = replace(model, shapes=None, hidden=None)
         if stretch is not False:
-            model = with_stretch(structure, model, stretch)
+            model = with_stretch(structure, solver, model, stretch)
         if damping_of_modes is not None:
             model = replace(model, damping=damping_of_modes)
         models.append(model)
@@ -362,8 +366,11 @@ def _checked_options(
     accuracy: float,
     expansion: float | None,
     proof: bool | float,
+    error: ErrorOption,
 ) -> ExtractOptions:
     """The options after a check; InputError for invalid ones, or too much memory."""
+    instance("structure", structure, Structure, "a Structure")
+    choice("error", error, (None, "estimate"))
     choice("method", method, get_args(Method))
     of_krylov = {"band": band is not None, "expansion": expansion is not None}
     of_krylov["proof"] = proof is not False
@@ -397,7 +404,7 @@ def _checked_options(
         expansion = positive("expansion", expansion, "Hz")
     elif not isinstance(proof, bool):
         expansion = PERIODS_IN_CONTACT / positive("proof", proof, "s")
-    return ExtractOptions(n, method, tol, band, accuracy, expansion, proof is not False)
+    return ExtractOptions(n, method, tol, band, accuracy, expansion, proof is not False, error)
 
 
 def _checked_sites(site: object) -> list[dict[str, Site]]:

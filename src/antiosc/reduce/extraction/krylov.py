@@ -45,15 +45,11 @@ from dataclasses import replace
 import numpy as np
 
 from antiosc.base._types import Array, ComplexArray
-from antiosc.base.errors import InputError
 from antiosc.base.progress import doing
-from antiosc.engine.damping import DampingMatrix, from_factors, in_coordinates
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.structure import Dissipation, dashpot_patterns, projected
+from antiosc.fem.structure import Dissipation, dashpot_patterns
 from antiosc.fem.structure.structure import Structure
-from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.free_modes import EXHAUSTED_NORM, sample_frequencies
-from antiosc.models.modal import Damping
 from antiosc.models.recurrence import COUPLING_ROUNDING, recurrence_of
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, polish
@@ -65,60 +61,6 @@ from antiosc.reduce.extraction.model import (
     spectral_norms,
     stiffness_at_sites,
 )
-
-#: Share of the damping of the model by which dampers may brake motions that it has not.
-UNDAMPED_SHARE = 1e-12
-
-
-def with_damping(
-    structure: Structure, model: AntiOscillators, static: SiteShapes, terms: Sequence[Dissipation]
-) -> AntiOscillators:
-    """The model with damping `terms`; InputError if they act on motions that it lacks."""
-    if not terms:
-        return _with_losses(structure, model, None)
-
-    assert model.shapes is not None
-    V = np.column_stack([model.shapes * model.unit, static.nodal])
-    damping = projected(structure.comm, terms, V)
-    kept = slice(V.shape[1] if model.hidden is not None else model.unit.size)
-    braked = damping.matrix.diagonal()
-    if braked[kept.stop :].sum() > UNDAMPED_SHARE * braked[kept].sum():
-        raise InputError(
-            "a damper brakes a rigid-body motion that the site does not see, and that matrices "
-            "without coordinates do not tell: give them a map with coordinates."
-        )
-
-    return _with_losses(structure, model, in_coordinates(damping, np.eye(len(braked))[:, kept]))
-
-
-def _with_losses(
-    structure: Structure, model: AntiOscillators, damping: DampingMatrix | None
-) -> AntiOscillators:
-    """The model with `damping` and the structure's loss factors, ζ_j = Σ η_m U_jm/(2 U_j).
-
-    By modal strain energy (E. Ungar, E. Kerwin, *J. Acoust. Soc. Am.* 34 (1962) 954).
-    """
-    body = model.free_modes
-    assert body.basis is not None
-    assert body.shape is not None
-    losses = structure.matrices.loss_stiffness(np.column_stack(body.basis))
-    if losses is None:
-        return replace(model, damping=damping)
-    phi = body.amplitudes(body.shape.T)
-    elastic = body.omega > 0
-    ratio = np.einsum("ja,ab,jb->j", phi, losses, phi)[elastic] / (2 * body.omega[elastic] ** 2)
-    ratio = np.maximum(ratio, 0.0)
-    if damping is None:
-        return replace(model, damping=Damping(ratio=ratio.tolist()))
-
-    # in the coordinates of the matrix: q of what moves, by the inverse of the modes
-    amplitude = phi.T.copy()
-    amplitude[: model.unit.size] /= model.unit[:, None]
-    modes = np.linalg.pinv(amplitude)[elastic]
-    by_losses = np.sqrt(2 * ratio * body.omega[elastic])[:, None] * modes
-    factor = np.vstack([damping.factor, by_losses])
-    return replace(model, damping=from_factors(factor, damping.factors))
-
 
 #: Share of the largest θ below which the smallest θ of an eigensolver are inaccurate.
 INACCURATE_THETA = 1e-8
@@ -368,7 +310,7 @@ def by_krylov(
     run = Lanczos(structure, static, (n if band is None else 0) + BASIS_STEP, terms)
     count = 0 if band is None and n == 0 else None
 
-    with doing("extracting anti-oscillators", structure.comm.rank) as report:
+    with doing("extracting anti-oscillators") as report:
         step = 0
         while count is None:
             step += 1

@@ -12,25 +12,27 @@ below what rounding leaves (`LEAST_BOUND`); the checks of the modes tell of more
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from antiosc.base._types import Array, ComplexArray, IntArray, Numbers
-from antiosc.base.errors import AccuracyError, AccuracyWarning
+from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError
+from antiosc.engine.damping import from_factors, in_coordinates
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import warn
+from antiosc.fem.structure import Dissipation, projected
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import UNKNOWN_INFO, ModelInfo
 from antiosc.models.free_modes import DAMPING_RATIO, MASSLESS_ROOT, sample_frequencies
+from antiosc.models.modal import Damping
 from antiosc.models.motion import Inertia
 from antiosc.models.parameters import parameters_by_name
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver, residuals, rounding_residuals
-from antiosc.reduce.site import surfaces
 from antiosc.reduce.site.site import Functional
 
 if TYPE_CHECKING:
@@ -342,13 +344,12 @@ def info_of_model(
         checks=measured,
         solver=known.static.solver.description,
         cells=cells or None,
-        surfaces=surfaces(structure, sites),
         **structure.matrices.plausibility,
     )
-    return replace(info, thickness=_thickness_at(structure, sites, info.thickness))
+    return replace(info, thickness=_thickness_at(sites, info.thickness))
 
 
-def _thickness_at(structure: Structure, sites: Sites, least: float | None) -> float | None:
+def _thickness_at(sites: Sites, least: float | None) -> float | None:
     """Least thickness [m] of sheets at the sites; `least`, the structure's, at others."""
     if least is None:
         return None
@@ -380,6 +381,11 @@ def model_of(
     shapes = np.hstack([static.phi @ static.W.T, selected.phi])
     k0, m0 = (semidefinite(static.W @ one @ static.W.T) for one in (static.k0, selected.m0))
 
+    inertia = inertia_of(structure, shapes, static.nodal)
+    participation = generalised_masses(structure, shapes) if has_directions else None
+    if info.thickness is not None and len(k0) == len(sites):
+        info = info.having(second_order=_stiffening(structure, list(sites), k0, shapes))
+
     # the sites
     columns = np.split(np.arange(len(static.dependence)), np.cumsum([s.B.shape[1] for s in found]))
     parameters = parameters_by_name(
@@ -388,7 +394,7 @@ def model_of(
         m0=m0,
         P=P,
         direction=np.vstack(directions) if has_directions else None,
-        participation=generalised_masses(structure, shapes) if has_directions else None,
+        participation=participation,
         local_compliance=np.array([site.local_compliance for site in found]),
         radius=tuple(site.radius for site in found),
         columns=dict(zip(names, (tuple(c.tolist()) for c in columns), strict=False)),
@@ -400,47 +406,40 @@ def model_of(
         info = info.having(independent=static.kept.tolist())
         info = replace(info, points=points) if has_directions else info
     else:
-        info = info.having(meshed=structure.matrices.meshed)
+        info = info.having(meshed=structure.matrices.meshed and not structure.matrices.assembled)
         if points and has_directions:
             direction = directions[0][0].tolist()
             info = replace(info, point=points[UNNAMED_SITE], direction=direction)
 
-    model = AntiOscillators(
+    return AntiOscillators(
         **parameters,
         omega=selected.omega,
         shapes=shapes,
-        inertia=inertia_of(structure, shapes, static.nodal),
-        hidden=None if structure.rigid_inertia is None else static.nodal,
+        inertia=inertia,
+        hidden=None if inertia is None else static.nodal,
         info=info,
     )
 
-    return _with_second_order(structure, model)
 
-
-def _with_second_order(structure: Structure, model: AntiOscillators) -> AntiOscillators:
-    """The model with the relative change of its force per metre, for supported curved sheets."""
-    single_mesh = structure.matrices.meshed and not structure.matrices.assembled
-    supported = structure.rigid_modes.shape[1] == 0
-    sites = model.sites or (UNNAMED_SITE,)
-    if model.info.thickness is None or not (single_mesh and supported):
-        return model
-    if len(sites) != model.n_sites:
-        return model
-    part = cast("MeshedStructure", structure.matrices)
+def _stiffening(
+    structure: Structure, sites: Sequence[str], k0: Array, shapes: Array
+) -> dict[str, float] | None:
+    """Relative change of the force per metre at each site; None but for supported curved sheets."""
+    matrices = structure.matrices
+    if not matrices.meshed or matrices.assembled or structure.rigid_modes.shape[1]:
+        return None
+    part = cast("MeshedStructure", matrices)
     if not part.kind.sheet:
-        return model
+        return None
     from antiosc.fem.elements.second_order import relative_stiffening  # needs dolfinx
 
-    assert model.shapes is not None
-    C = np.linalg.inv(model.k0_matrix)
-    deflections = model.shapes[:, : len(C)] @ C / C.diagonal()
+    C = np.linalg.inv(k0)
+    deflections = shapes[:, : len(C)] @ C / C.diagonal()
     by_site = {
         site: relative_stiffening(part, deflections[:, i], 1 / C[i, i])
         for i, site in enumerate(sites)
     }
-    if not any(by_site.values()):
-        return model
-    return replace(model, info=model.info.having(second_order=by_site))
+    return by_site if any(by_site.values()) else None
 
 
 def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
@@ -457,6 +456,55 @@ def generalised_masses(structure: Structure, shapes: Array) -> Array | None:
     if any(load is None for load in loads):
         return None
     return np.asarray(dot(structure.comm, shapes, np.column_stack(loads)))  # type: ignore[arg-type]
+
+
+#: Share of the damping of the model by which dampers may brake motions that it has not.
+UNDAMPED_SHARE = 1e-12
+
+
+def with_damping(
+    structure: Structure, model: AntiOscillators, static: SiteShapes, terms: Sequence[Dissipation]
+) -> AntiOscillators:
+    """The model with damping `terms` and the structure's loss factors, ζ_j = Σ η_m U_jm/(2 U_j).
+
+    The latter by modal strain energy (E. Ungar, E. Kerwin, *J. Acoust. Soc. Am.* 34 (1962) 954).
+    InputError if the terms act on motions that the model lacks.
+    """
+    body = model.free_modes
+    assert body.basis is not None
+    assert body.shape is not None
+    phi = body.amplitudes(body.shape.T)
+    elastic = body.omega > 0
+    losses = structure.matrices.loss_stiffness(np.column_stack(body.basis))
+    ratio = np.zeros(int(elastic.sum()))
+    if losses is not None:
+        energies = np.einsum("ja,ab,jb->j", phi, losses, phi)
+        ratio = np.maximum(energies[elastic] / (2 * body.omega[elastic] ** 2), 0.0)
+    if not terms:
+        return replace(model, damping=Damping(ratio=ratio.tolist()))
+
+    assert model.shapes is not None
+    V = np.column_stack([model.shapes * model.unit, static.nodal])
+    damping = projected(structure.comm, terms, V)
+    kept = slice(V.shape[1] if model.hidden is not None else model.unit.size)
+    braked = damping.matrix.diagonal()
+    if braked[kept.stop :].sum() > UNDAMPED_SHARE * braked[kept].sum():
+        raise InputError(
+            "a damper brakes a rigid-body motion that the site does not see, and that matrices "
+            "without coordinates do not tell: give them a map with coordinates."
+        )
+
+    damping = in_coordinates(damping, np.eye(len(braked))[:, kept])
+    if losses is None:
+        return replace(model, damping=damping)
+
+    # in the coordinates of the matrix: q of what moves, by the inverse of the modes
+    amplitude = phi.T.copy()
+    amplitude[: model.unit.size] /= model.unit[:, None]
+    modes = np.linalg.pinv(amplitude)[elastic]
+    by_losses = np.sqrt(2 * ratio * body.omega[elastic])[:, None] * modes
+    factor = np.vstack([damping.factor, by_losses])
+    return replace(model, damping=from_factors(factor, damping.factors))
 
 
 #: Limits of the self-check, relative: residual, M-orthogonality, constraint, mass balance.

@@ -24,8 +24,8 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.progress import counting, doing
-from antiosc.fem.assembly import with_parts
 from antiosc.fem.linalg.algebra import multiply
+from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.stretch import MOST_MODES, Count, Stretch
@@ -34,7 +34,7 @@ from antiosc.reduce.extraction import elastic_response
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
     from antiosc.fem.elements.second_order import PartPoints
-    from antiosc.fem.structure.meshed import MeshedStructure
+    from antiosc.fem.structure.meshed import MeshedStructure, PartsMatrices
 
 #: Size of a new direction over that of its vector, below which it is rounding.
 EXHAUSTED_SIZE = 1e-6
@@ -62,7 +62,7 @@ def pair_count(count: Count) -> int:
 
 
 def with_stretch(
-    structure: Structure, model: AntiOscillators, count: Count, most: int = MOST_MODES
+    structure: Structure, solver: Solver, model: AntiOscillators, count: Count
 ) -> AntiOscillators:
     """The model with second-order forces of `count` modes that its sites move most, plus two."""
     if model.shapes is None:
@@ -73,12 +73,12 @@ def with_stretch(
 
     assert body.shape is not None
     modes = excited_motions(
-        body.omega, body.B, most if count == "auto" else min(count + 2, MOST_MODES)
+        body.omega, body.B, MOST_MODES if count == "auto" else min(count + 2, MOST_MODES)
     )
     phi = body.field((body.shape @ modes).T).T
 
-    with doing(PROGRESS_TEXT, structure.comm.rank):
-        quadratic, cubic, shapes = second_order_tensors(structure, phi)
+    with doing(PROGRESS_TEXT):
+        quadratic, cubic, shapes = second_order_tensors(structure, solver, phi)
     return replace(model, stretch=Stretch(modes, quadratic, cubic, count, shapes))
 
 
@@ -100,16 +100,18 @@ def _second_order(
     """
     from antiosc.fem.elements.second_order import points_of  # needs dolfinx
 
-    matrices = with_parts(structure, f"stretch needs a mesh; got {structure.describe()}.")
+    if not structure.matrices.meshed:
+        raise InputError(f"stretch needs a mesh; got {structure.describe()}.")
     if structure.comm.size > 1:
         raise InputError("stretch works in one process: extract the model without mpirun.")
-    if structure.matrices.assembled and cast("AssembledMatrices", matrices).layout.condensed:
+    matrices = cast("PartsMatrices", structure.matrices)
+    if matrices.assembled and cast("AssembledMatrices", matrices).layout.condensed:
         raise InputError("stretch does not take superelements: leave stretch out.")
 
     # the parts
     fields = matrices.fields(motions)
     points = [points_of(member.part) for member, _ in fields]
-    preload = structure.matrices.preload
+    preload = matrices.preload
     if preload is not None:
         states = matrices.fields(preload.q[:, None])
         points = [at.about(q[:, 0]) for at, (_, q) in zip(points, states, strict=True)]
@@ -158,21 +160,25 @@ def second_order_energies(structure: Structure, motions: Array) -> Array:
     """Second-order energy over linear energy (k,) of motions (dofs, k)."""
     pairs = [(i, i) for i in range(motions.shape[1])]
     pieces, g = _second_order(structure, motions, pairs)
+    solver = structure.factorize()
     third = np.sum(motions * g, axis=0) / 3
     fourth = np.diag(sum(_quartic_energies(piece, pairs) for piece in pieces)).copy()
     for i in range(len(fourth)):
         one = slice(i, i + 1)
-        fourth[i] -= g[:, i] @ _static_response(structure, g[:, one], motions[:, one])[:, 0] / 2
+        response = _static_response(structure, solver, g[:, one], motions[:, one])
+        fourth[i] -= g[:, i] @ response[:, 0] / 2
     linear = np.sum(motions * multiply(structure.K, motions), axis=0) / 2
     return np.asarray((np.abs(third) + np.abs(fourth)) / linear)
 
 
-def second_order_tensors(structure: Structure, phi: Array) -> tuple[Array, Array, Array]:
+def second_order_tensors(
+    structure: Structure, solver: Solver, phi: Array
+) -> tuple[Array, Array, Array]:
     """(H (m, m, m), G (m, m, m, m), second-order displacements (dofs, pairs)) of φ (dofs, m)."""
     m = phi.shape[1]
     pairs = list(combinations_with_replacement(range(m), 2))
     pieces, g = _second_order(structure, phi, pairs)
-    static_response = -_static_response(structure, g, phi)
+    static_response = -_static_response(structure, solver, g, phi)
     quartic = sum(_quartic_energies(piece, pairs) for piece in pieces) + g.T @ static_response / 2
     return _cubic_form(phi.T @ g, pairs, m), 4 * _quartic_form(quartic, pairs, m), static_response
 
@@ -195,10 +201,10 @@ def _loads_of(piece: _PartMotions, pairs: list[tuple[int, int]]) -> Array:
     return np.column_stack(loads)
 
 
-def _static_response(structure: Structure, g: Array, phi: Array) -> Array:
+def _static_response(structure: Structure, solver: Solver, g: Array, phi: Array) -> Array:
     """K⁻¹g (dofs, pairs) minus components along the motions φ, so that φᵀK of it is 0."""
     k_phi = multiply(structure.K, phi)
-    displacement = elastic_response(structure, structure.factorize(), g)
+    displacement = elastic_response(structure, solver, g)
     return np.asarray(displacement - phi @ np.linalg.solve(phi.T @ k_phi, k_phi.T @ displacement))
 
 

@@ -341,8 +341,8 @@ class _ModesAtSite:
         self._structure = structure
         self._comm = structure.comm
         self._where = functional(structure, site)
-        structure.factorize(EQUIVALENT_SITES)
-        self._static = static = site_shapes(structure, self._where.b[:, None])
+        self._solver = structure.factorize(EQUIVALENT_SITES)
+        self._static = static = site_shapes(structure, self._solver, self._where.b[:, None])
 
         # M-orthonormal rigid-body modes (rows, r), displacements >= 0 of the site in them
         a = np.append(static.rigid[0], np.zeros(static.nodal.shape[1]))
@@ -416,7 +416,7 @@ class _ModesAtSite:
         structure, where = self._structure, self._where
         elastic = self._static.y[:, 0] / self._static.W[0, 0]
         if structure.rigid_modes.shape[1]:
-            elastic = elastic_response(structure, structure.factorize(), where.B)[:, 0]
+            elastic = elastic_response(structure, self._solver, where.B)[:, 0]
         compliance = float(dot(self._comm, where.b, elastic))
         poles = np.where(modes.omega > 0, modes.omega, np.inf) ** 2
         r = compliance - float(np.sum(b**2 / poles))

@@ -15,9 +15,9 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import point_text as text
 from antiosc.base.errors import ChoiceWarning, InputError, SiteError, without_warnings
 from antiosc.base.texts import engineering, point_text
-from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assemble import eliminate
-from antiosc.fem.assembly.assembled import AssembledMatrices, group_of, located_point
+from antiosc.fem.assembly.assembled import AssembledMatrices, group_of, point_on_parts
+from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import dot, multiply, norm
 from antiosc.fem.mesh.surface import (
@@ -29,7 +29,7 @@ from antiosc.fem.mesh.surface import (
 from antiosc.fem.platform import warn
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.loads import PointMotion, loads
-from antiosc.fem.structure.meshed import Member, MeshedStructure
+from antiosc.fem.structure.meshed import Member, MeshedStructure, PartsMatrices
 from antiosc.fem.structure.place import Place, places_at
 from antiosc.fem.structure.support import Support, fixed_dofs
 from antiosc.recovery.place import Reach
@@ -53,13 +53,19 @@ from antiosc.reduce.site.sites import (
 STRUCTURE_TOLERANCE = 1e-6
 
 
-def functionals_at(structure: MeshedParts, sites: Sequence[Site]) -> list[Functional]:
-    """Load vectors of sites at points, all at once; errors as in `functionals`."""
-    loads = functionals_on_u(structure, sites, lambda member: member.part)
-    return [_on_q(structure, *pair) for pair in zip(sites, loads, strict=True)]
+def functionals_at(structure: PartsMatrices, sites: Sequence[Site]) -> list[Functional]:
+    """Load vectors of sites, of those at points all at once; errors as in `functionals`."""
+    by_rows = [site.point is None and (site.node is None or site.dof is not None) for site in sites]
+    at_points = [site for site, by_row in zip(sites, by_rows, strict=True) if not by_row]
+    loads = functionals_on_u(structure, at_points, lambda member: member.part)
+    on_q = (_on_q(structure, *pair) for pair in zip(at_points, loads, strict=True))
+    return [
+        functional_on_rows(structure, site) if by_row else next(on_q)
+        for site, by_row in zip(sites, by_rows, strict=True)
+    ]
 
 
-def _on_q(structure: MeshedParts, site: Site, functional: Functional) -> Functional:
+def _on_q(structure: PartsMatrices, site: Site, functional: Functional) -> Functional:
     """The functional with loads on the reduced dofs q in place of u; InputError if it is fixed."""
     B = structure.joined(functional.B)
     comm = structure.comm
@@ -72,7 +78,7 @@ def _on_q(structure: MeshedParts, site: Site, functional: Functional) -> Functio
 
 
 def functionals_on_u(
-    structure: MeshedParts, sites: Sequence[Site], part_of: Callable[[Member], MeshedStructure]
+    structure: PartsMatrices, sites: Sequence[Site], part_of: Callable[[Member], MeshedStructure]
 ) -> list[Functional]:
     """Load vectors of sites on the dofs of all parts before they are joined.
 
@@ -80,13 +86,12 @@ def functionals_on_u(
     """
     by_site: dict[int, Functional] = {}
     by_part: dict[str, dict[int, Place]] = {}
-    for k, place in enumerate(places_of(structure, sites)):
-        if isinstance(place, PointMotion):
-            by_site[k] = _functional_without_mesh(
-                cast(AssembledMatrices, structure), sites[k], place
-            )
-        else:
+    for k, (place, end) in enumerate(places_of(structure, sites)):
+        if end is None:
             by_part.setdefault(place.member.name, {})[k] = place
+        else:
+            layout = cast(AssembledMatrices, structure).layout
+            by_site[k] = _functional_without_mesh(layout, sites[k], place, end)
 
     for of_part in by_part.values():
         places = list(of_part.values())
@@ -100,15 +105,18 @@ def functionals_on_u(
     return [by_site[k] for k in range(len(sites))]
 
 
-def places_of(matrices: MeshedParts, sites: Sequence[Site]) -> list[Place | PointMotion]:
-    """Place of each site (a point, group, face or node), or motion of one without a mesh."""
-    found: dict[int, Place | PointMotion] = {}
+def places_of(
+    matrices: PartsMatrices, sites: Sequence[Site]
+) -> list[tuple[Place, PointMotion | None]]:
+    """(place, motion of a point without a mesh or None) of each site, a point, group or node."""
+    found: dict[int, tuple[Place, PointMotion | None]] = {}
+    ends: list[PointMotion | None] = []
     by_part: dict[str | None, list[tuple[int, Array, Array]]] = {}
     for k, site in enumerate(sites):
         direction = None if site.direction is None else in_space(site.direction)
         end = None
         if site.face is None:
-            x, part, end = located_point(matrices, site.point, site.part, site.node)
+            x, part, end = point_on_parts(matrices, site.point, site.part, site.node)
         else:
             member, group = group_of(matrices, site.face)
             own, along = struck_point(member.part.faces, group)
@@ -116,24 +124,21 @@ def places_of(matrices: MeshedParts, sites: Sequence[Site]) -> list[Place | Poin
             direction = member.at.rotation @ along if direction is None else direction
 
         assert direction is not None
-        if end is None:
-            by_part.setdefault(part, []).append((k, x, direction))
-        else:
-            found[k] = end
+        ends.append(end)
+        by_part.setdefault(part, []).append((k, x, direction))
 
     for part, aimed in by_part.items():
         numbers, points, directions = zip(*aimed, strict=True)
         places = places_at(matrices.members(part), np.array(points), np.array(directions))
-        found.update(zip(numbers, places, strict=True))
+        found.update((k, (place, ends[k])) for k, place in zip(numbers, places, strict=True))
 
     return [found[k] for k in range(len(sites))]
 
 
 def _functional_without_mesh(
-    structure: AssembledMatrices, site: Site, end: PointMotion
+    layout: Layout, site: Site, place: Place, end: PointMotion
 ) -> Functional:
     """Load vector on u of a superelement's site or of a reference point, whose motion is `end`."""
-    layout = structure.layout
     part, _, name = str(site.point).partition(":")
     direction = in_space(site.direction or ())
     direction = direction / np.linalg.norm(direction)
@@ -158,7 +163,6 @@ def _functional_without_mesh(
         )
 
     b = np.asarray(end.displacements.T @ direction)
-    (place,) = places_at(structure.members(), end.point[None], direction[None])
     functional = Functional(b[:, None], point=end.point, directions=direction[None], place=place)
     if not name:
         return functional
@@ -216,7 +220,7 @@ def _leaving(
 
 
 def _site_functionals(
-    matrices: MeshedParts,
+    matrices: PartsMatrices,
     part: MeshedStructure,
     sites: Sequence[Site],
     places: Sequence[Place],
@@ -336,7 +340,7 @@ class ReleasedSupports:
     the free dofs due to the 6 unit rigid motions of each of S supports.
     """
 
-    def __init__(self, matrices: MeshedParts, supports: Sequence[Support]) -> None:
+    def __init__(self, matrices: PartsMatrices, supports: Sequence[Support]) -> None:
         self._of = matrices
         self._assembly = matrices if isinstance(matrices, AssembledMatrices) else None
         for name in self._assembly.layout.condensed if self._assembly else ():

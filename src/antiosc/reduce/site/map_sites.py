@@ -14,12 +14,10 @@ from scipy.spatial import cKDTree
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import coordinates, floats, positive
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import group_of
 from antiosc.fem.mesh.surface import SurfaceAtSites
 from antiosc.fem.structure import in_space
-from antiosc.fem.structure.loads import PointMotion
-from antiosc.fem.structure.meshed import Member, MeshedStructure
+from antiosc.fem.structure.meshed import Member, MeshedStructure, PartsMatrices
 from antiosc.fem.structure.place import places_at
 from antiosc.reduce.site.at_points import STRUCTURE_TOLERANCE, places_of
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site
@@ -112,7 +110,7 @@ class SurfaceSample:
 
 
 def sites_of(
-    structure: MeshedParts,
+    structure: PartsMatrices,
     where: object,
     direction: Sequence[float] | None,
     radius: float | None,
@@ -156,7 +154,7 @@ def checked_sites(sites: MapSites, where: object) -> MapSites:
 
 
 def _at_points(
-    structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: float | None
+    structure: PartsMatrices, where: object, direction: Sequence[float] | None, radius: float | None
 ) -> MapSites:
     """Sites at given points, each on the part on which a `Site` at the point would be."""
     points = checked_points(where, direction)
@@ -194,7 +192,7 @@ def _at_points(
 
 
 def _on_part(
-    structure: MeshedParts,
+    structure: PartsMatrices,
     member: Member,
     sample: SurfaceSample,
     direction: Sequence[float] | None,
@@ -266,10 +264,10 @@ def farthest_points(ground: SurfaceSample, most: int | None) -> SurfaceSample:
     return SurfaceSample(ground.points[kept], ground.normals[kept], elements[own][first])
 
 
-def resolved_radius(structure: MeshedParts, site: Site) -> float | None:
+def resolved_radius(structure: PartsMatrices, site: Site) -> float | None:
     """Least radius [m] of a patch at a site that the facets resolve; None on sheets and bars."""
-    (place,) = places_of(structure, [site])
-    if isinstance(place, PointMotion) or not place.member.part.kind.outside:
+    ((place, end),) = places_of(structure, [site])
+    if end is not None or not place.member.part.kind.outside:
         return None
     part = place.member.part
     point = place.point[None]

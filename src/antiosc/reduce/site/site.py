@@ -25,11 +25,10 @@ from antiosc.base.checks import (
 )
 from antiosc.base.errors import InputError, SiteError
 from antiosc.base.texts import FieldsRepr
-from antiosc.fem.assembly import with_parts
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
 from antiosc.fem.structure import NodalMatrices, StructureMatrices, in_space
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS, component_number
 
 if TYPE_CHECKING:
@@ -229,7 +228,7 @@ def located_point(
 
     if node is not None:
         node = checks.whole("node", node)
-    return assembled.located_point(with_parts(structure), cast("str | None", point), part, node)
+    return assembled.point_on_parts(with_parts(structure), cast("str | None", point), part, node)
 
 
 def motions_without_mesh(

@@ -95,7 +95,7 @@ def patch_points(
     point_sets = []
     done = 0
 
-    with counting("patches of the sites", len(points), faces.mesh.comm.rank) as ready:
+    with counting("patches of the sites", len(points)) as ready:
         for number, (count, is_flat, _) in enumerate(groups.tolist()):
             rule, weights = disc_rule(count) if faces.dim == 2 else segment_rule(4 * count)
             members = np.flatnonzero(group.ravel() == number)

@@ -31,14 +31,14 @@ from antiosc.engine.contact.curvature import (
     Curvature,
 )
 from antiosc.engine.contact.surfaces import Matter, Surface, isotropic
-from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.shell import Laminate
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces, clamped, projected
 from antiosc.fem.structure import in_space
+from antiosc.fem.structure.meshed import PartsMatrices
 from antiosc.fem.structure.place import Place, places_at
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.io.neutral import connected_pieces
 from antiosc.models.body import Body
 
@@ -218,7 +218,7 @@ def _gathered_patch(faces: Faces, facets: IntArray, nearest: Array, gap: Array) 
     return patch.only(np.unique(np.sort(patch.numbers, axis=1), axis=0, return_index=True)[1])
 
 
-def inner_points(matrices: MeshedParts, part: str | None, spacing: float) -> Array:
+def inner_points(matrices: PartsMatrices, part: str | None, spacing: float) -> Array:
     """Points (n, 3) [m] along the sharp inner edges of solids, at most `spacing` [m] apart.
 
     In a corner of more than 180° the stress grows as r^-0.46 at 270° (M. L. Williams, J. Appl.
@@ -372,7 +372,7 @@ OTHER_FACE_SLOPE = 0.3
 
 
 def _largest_ball(
-    matrices: MeshedParts, at: Curvature, patch_radius: float
+    matrices: PartsMatrices, at: Curvature, patch_radius: float
 ) -> tuple[float, tuple[float, float, float] | None]:
     """(radius [m] of the largest ball that touches the part at the site alone, point that a larger
     ball would touch too); (inf, None) if every ball fits."""
@@ -411,7 +411,7 @@ def surface_at(
     return surface_of(matrices, _place_at(matrices, point, direction), radius)
 
 
-def surface_of(matrices: MeshedParts, place: Place, radius: float | None) -> Surface:
+def surface_of(matrices: PartsMatrices, place: Place, radius: float | None) -> Surface:
     """The surface at a place, under a patch of `radius` [m], None: a point; else InputError."""
     material = place.material
     matter = _contact_material(material)
@@ -452,7 +452,7 @@ def curvature_at(
     return _curvature(_place_at(with_parts(structure, NO_SURFACE), in_space(point), along))
 
 
-def _place_at(matrices: MeshedParts, point: Array, direction: Array | None) -> Place:
+def _place_at(matrices: PartsMatrices, point: Array, direction: Array | None) -> Place:
     """The place of the structure nearest to a point (3,), for an impact along `direction` (3,)."""
     directions = None if direction is None else direction[None]
     return places_at(matrices.members(), point[None], directions)[0]
