@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -152,17 +152,15 @@ class FoundImpact(Result):
         figure, axes = panels(1, 2, (9.5, 1.2 + 1.1 * max(count, 3)), shown=path is None)
         left, right = axes[0]
 
-        step = 2.2 * float(np.abs(self.measured / np.abs(self.measured).max(axis=0)).max())
-        for s in range(count):
-            size = float(np.abs(self.measured[:, s]).max())
-            offset = -step * s
-            t = 1e3 * self.compared_time
+        t = 1e3 * self.compared_time
+        for s, size in enumerate(np.abs(self.measured).max(axis=0)):
+            offset = -2.2 * s
             left.plot(t, offset + self.measured[:, s] / size, color="0.75", lw=4)
             left.plot(t, offset + self.computed[:, s] / size, color="C0", lw=1)
 
         left.set(xlabel="time (ms)", title="measured (grey), computed", yticks=[])
         left.set_ylabel("sensors, the first on top")
-        end = min(1.5 * max(self.history.contact_time, 1e-9), float(self.history.run.time[-1]))
+        end = min(1.5 * max(self.history.contact_time, 1e-9), self.history.run.time[-1])
         t = np.linspace(0.0, end, 400)
         right.plot(1e3 * (t + self.start), self.history.force_at(t), color="C3")
         right.set(xlabel="time (ms)", ylabel="force (N)", ylim=(0, None), title="contact force")
@@ -292,30 +290,26 @@ def find_impact(
 
     law = None if contact is None else on_plane(structure, impactor, contact)
     names = _unknown_names(unknown, impactor, law)
-    expected = (
-        checks.tolerance(frequency_error, "frequency_error"),
-        checks.tolerance(shape_error, "shape_error"),
-    )
+    frequency_error = checks.tolerance(frequency_error, "frequency_error")
+    sigmas = frequency_error, checks.tolerance(shape_error, "shape_error")
     if band is not None:
         band = checks.band(band)
 
     recording_of(signals, sensors, rate, noise, band, np.inf)  # refused before the modes
     monitored = monitored_structure(structure, sensors, where, direction, radius, modes, band)
     prepared_at = time.perf_counter()
-    data = recording_of(
-        signals, sensors, rate, noise, band, monitored.free_sites.omega[-1] / BAND_FACTOR
-    )
+    highest = monitored.free_sites.omega[-1] / BAND_FACTOR
+    data = recording_of(signals, sensors, rate, noise, band, highest)
     with without_warnings():
-        result = impact_of_recording(
-            monitored, data, names, impactor, law, as_damping(damping), expected
-        )
+        damping = as_damping(damping)
+        found = impact_of_recording(monitored, data, names, impactor, law, damping, sigmas)
 
     seconds = {"model": prepared_at - start_time, "search": time.perf_counter() - prepared_at}
-    result = replace(result, info={**result.info, "seconds": seconds})
-    if result.status:
-        warn(structure.comm, result.message, AccuracyWarning)
+    found.info["seconds"] = seconds
+    if found.status:
+        warn(structure.comm, found.message, AccuracyWarning)
 
-    return result
+    return found
 
 
 def _unknown_names(
@@ -323,10 +317,8 @@ def _unknown_names(
 ) -> list[str]:
     """Checked names of the unknowns; InputError if a known value is missing."""
     if isinstance(unknown, str) or not isinstance(unknown, Sequence):
-        raise InputError(
-            f"unknown must list names of {', '.join(POSSIBLE_UNKNOWNS)}; got "
-            f"{checks.shown(unknown)}."
-        )
+        names = ", ".join(POSSIBLE_UNKNOWNS)
+        raise InputError(f"unknown must list names of {names}; got {checks.shown(unknown)}.")
 
     for name in unknown:
         checks.choice("unknown", name, POSSIBLE_UNKNOWNS)
@@ -334,9 +326,9 @@ def _unknown_names(
     if impactor is not None:
         checks.instance("impactor", impactor, RigidMass, "a RigidMass")
 
-    missing_names = {"mass", "velocity"} - set(unknown)
-    if missing_names and impactor is None:
-        raise InputError(f"{min(missing_names)} is not unknown: give it as impactor=RigidMass(…).")
+    known = {"mass", "velocity"} - set(unknown)
+    if known and impactor is None:
+        raise InputError(f"{min(known)} is not unknown: give it as impactor=RigidMass(…).")
     if "stiffness" not in unknown and contact is None:
         raise InputError("the stiffness is not unknown: give the law, as contact=Hertz(…).")
     if "stiffness" in unknown and contact is not None and not has_stiffness(contact):
@@ -366,9 +358,8 @@ def monitored_structure(
     with without_warnings():  # of patches that an edge cuts, at sites that were not struck
         sites = free_sites(structure, matrices, where, direction, radius, count, band)
     rows = np.array([sensor_shapes(sensor, structure, sites.phi) for sensor in sensors])
-    r, _ = residual_parameters(
-        sites.omega, sites.b, sites.compliance, sites.inertia, structure.shift
-    )
+    site_data = sites.b, sites.compliance, sites.inertia
+    r, _ = residual_parameters(sites.omega, *site_data, structure.shift)
     orders = np.array([sensor.derivative for sensor in sensors])
     return MonitoredStructure(sites, rows, orders, r, structure.mass)
 
@@ -384,10 +375,10 @@ def impact_of_recording(
 ) -> FoundImpact:
     """The impact that explains a recording best, with its uncertainty.
 
-    expected : relative standard deviations of natural frequencies, and of modes' shares.
+    relative_sigmas : standard deviations of natural frequencies, and of modes' shares.
     """
     seen = monitored.free_sites
-    sites = monitored.free_sites.map_sites.sites
+    sites = seen.map_sites.sites
     if "place" not in unknown and len(sites) > 1:
         raise InputError(f"the place is not unknown: where gives {len(sites)} sites, not one.")
     omega = seen.omega
@@ -404,14 +395,12 @@ def impact_of_recording(
         sites.radii,
         Hertz(INITIAL_STIFFNESS) if contact is None else contact,
     )
-    known_values = {"stiffness": getattr(model.law, "stiffness", 1.0)}
+    known = {"stiffness": getattr(model.law, "stiffness", 1.0)}
     if impactor is not None:
-        known_values |= {"mass": impactor.mass, "velocity": impactor.velocity}
-    known_values = {name: value for name, value in known_values.items() if name not in unknown}
+        known |= {"mass": impactor.mass, "velocity": impactor.velocity}
+    known = {name: value for name, value in known.items() if name not in unknown}
     scanned = scan_pulses(model, relative_sigmas[0])
-    fits = most_probable_impacts(
-        model, scanned, unknown, known_values, monitored.mass, *relative_sigmas
-    )
+    fits = most_probable_impacts(model, scanned, unknown, known, monitored.mass, *relative_sigmas)
     scale = COMMON_MODE_ERROR * relative_sigmas[1] if {"mass", "velocity"} & set(unknown) else 0.0
     return _found_impact(model, scanned, fits, unknown, scale)
 
@@ -428,40 +417,28 @@ def _found_impact(
 ) -> FoundImpact:
     """The result from the best fits, the most probable first.
 
-    scale : relative error that is common to all modes.
+    model_error : relative error that is common to all modes.
     """
     best = fits[0]
     data = model.data
     blow = best.blow
     hit = best.hit
-    extent = float(np.ptp(model.surface.points, axis=0).max()) or 1.0
-    limits = np.array(
-        [
-            DETERMINED_PLACE_RATIO * extent
-            if name == "place"
-            else blow.contact_time_estimate
-            if name == "start"
-            else DETERMINED_LOG_SIGMA
-            for name in best.unknown_names
-        ]
-    )
+    extent = np.ptp(model.surface.points, axis=0).max() or 1.0
+    limit_of = {"place": DETERMINED_PLACE_RATIO * extent, "start": blow.contact_time_estimate}
+    limits = np.array([limit_of.get(name, DETERMINED_LOG_SIGMA) for name in best.unknown_names])
     scaled = best.covariance / limits / limits[:, None]
     rank = int(np.sum(np.linalg.eigvalsh(scaled) < 1))
     bars = _interval_half_widths(best, model_error)
     distance = max(3 * bars["place"], 0.05 * extent)
-    other_places = [
-        fit.blow.place
-        for fit in fits[1:]
-        if fit.cost - best.cost < EQUAL_COST_DIFFERENCE * max(best.chi2, 1.0)
-        and np.linalg.norm(fit.blow.place - blow.place) > distance
-    ]
-    status, message = _status_and_message(best, rank, limits, other_places, data)
+    highest = best.cost + EQUAL_COST_DIFFERENCE * max(best.chi2, 1.0)
+    as_probable = [fit.blow.place for fit in fits[1:] if fit.cost < highest]
+    others = [x for x in as_probable if np.linalg.norm(x - blow.place) > distance]
+    status, message = _status_and_message(best, rank, limits, others)
     t = data.time
-    after_start = data.time >= blow.start
-    force = np.zeros(len(t))
-    force[after_start] = hit.force_at(np.minimum(t[after_start] - blow.start, hit.run.time[-1]))
+    later = np.minimum(t - blow.start, hit.run.time[-1])
+    force = np.where(later < 0, 0.0, hit.force_at(np.maximum(later, 0.0)))
     stride = len(t) // max(len(data.scaled_signals), 1) or 1
-    gain = data.noise_sigma / float(np.abs(data.filter_matrix.sum(axis=1)).max())
+    gain = data.noise_sigma / np.abs(data.filter_matrix.sum(axis=1)).max()
 
     return FoundImpact(
         place=blow.place,
@@ -486,7 +463,7 @@ def _found_impact(
         band=data.band / (2 * np.pi),
         points=model.surface.points,
         explained=scanned.power_share,
-        others=np.reshape(other_places, (-1, 3)),
+        others=np.reshape(others, (-1, 3)),
         info={"sites": len(model.surface.points), "modes": len(model.omega)},
     )
 
@@ -494,9 +471,8 @@ def _found_impact(
 def _interval_half_widths(fit: ProbableImpact, model_error: float) -> dict[str, float]:
     """Half-widths of 95 % intervals by name; `model_error`: relative error of the whole model."""
     variance = np.diag(fit.covariance)
-    of_place = np.array([name == "place" for name in fit.unknown_names])
-    d = int(of_place.sum())
-    place = fit.covariance[np.ix_(of_place, of_place)]
+    d = fit.unknown_names.count("place")  # its coordinates are the first unknowns
+    place = fit.covariance[:d, :d]
     bars = {"place": 0.0}
 
     if d:
@@ -504,24 +480,22 @@ def _interval_half_widths(fit: ProbableImpact, model_error: float) -> dict[str, 
         widest = float(np.sqrt(np.linalg.eigvalsh(place)[-1] + interpolation))
         bars["place"] = INTERVAL_HALF_WIDTHS[d] * widest
 
-    for name, variance_of in zip(fit.unknown_names[d:], variance[d:], strict=True):
-        deviation = float(np.sqrt(variance_of + model_error**2 * (name == "velocity")))
+    for name, v in zip(fit.unknown_names[d:], variance[d:], strict=True):
+        deviation = float(np.sqrt(v + model_error**2 * (name == "velocity")))
         determined = name == "start" or deviation < DETERMINED_LOG_SIGMA
         bars[name] = INTERVAL_HALF_WIDTHS[1] * deviation if determined else np.inf
 
     for k, name in enumerate(("peak_force", "impulse")):
         g = fit.strength_derivatives[k]
-        bars[name] = INTERVAL_HALF_WIDTHS[1] * float(
-            np.sqrt(g @ fit.covariance @ g + model_error**2)
-        )
+        deviation = float(np.sqrt(g @ fit.covariance @ g + model_error**2))
+        bars[name] = INTERVAL_HALF_WIDTHS[1] * deviation
 
-    return {
-        name: bars.get(name, 0.0) for name in (*POSSIBLE_UNKNOWNS, "start", "peak_force", "impulse")
-    }
+    names = (*POSSIBLE_UNKNOWNS, "start", "peak_force", "impulse")
+    return {name: bars.get(name, 0.0) for name in names}
 
 
 def _status_and_message(
-    fit: ProbableImpact, rank: int, limits: Array, others: list[Array], data: Recording
+    fit: ProbableImpact, rank: int, limits: Array, others: list[Array]
 ) -> tuple[int, str]:
     """(status, message) of a search.
 
@@ -543,10 +517,8 @@ def _status_and_message(
         )
 
     if rank < count:
-        deviations = np.sqrt(np.diag(fit.covariance))
-        free = [
-            name for name, out in zip(fit.unknown_names, deviations > limits, strict=True) if out
-        ]
+        out = np.sqrt(np.diag(fit.covariance)) > limits
+        free = np.array(fit.unknown_names)[out].tolist()
         params = ", ".join(dict.fromkeys(free)) or "a combination of them"
         return UNDETERMINED, (
             f"the signals determine {rank} of {count} unknowns; not told: {params}. Give what is"

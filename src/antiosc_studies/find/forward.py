@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
@@ -45,19 +46,17 @@ class LocalChart:
         terms = _quadratic_monomials(y)
         terms_at_x = _quadratic_monomials(x[None])[0]
         count, extra = terms.shape
-        A = np.zeros((count + extra, count + extra))
-        A[:count, :count] = np.linalg.norm(y[:, None] - y[None], axis=2) ** 3
-        A[:count, count:] = terms
-        A[count:, :count] = terms.T
+        cubes = np.linalg.norm(y[:, None] - y, axis=2) ** 3
+        A = np.block([[cubes, terms], [terms.T, np.zeros((extra, extra))]])
         right = np.append(np.linalg.norm(y - x, axis=1) ** 3, terms_at_x)
 
-        return np.asarray(np.linalg.lstsq(A, right, rcond=1e-12)[0][:count])
+        return np.linalg.lstsq(A, right, rcond=1e-12)[0][:count]
 
 
 def _quadratic_monomials(y: Array) -> Array:
     """Monomials (K, .) of coordinates (K, d) up to degree 2."""
-    products = [y[:, i] * y[:, j] for i in range(y.shape[1]) for j in range(i + 1)]
-    return np.column_stack([np.ones(len(y)), y, *products])
+    i, j = np.tril_indices(y.shape[1])
+    return np.column_stack([np.ones(len(y)), y, y[:, i] * y[:, j]])
 
 
 class MapSurface:
@@ -70,20 +69,13 @@ class MapSurface:
         self.points = points
         self.directions = directions
         self.elements = elements
-        self.dimension = elements.shape[1] - 1 if len(elements) else 0
         self._tree = cKDTree(points)
-        self._of: list[IntArray] = []
-
-        if self.dimension:
-            order = np.argsort(elements.ravel(), kind="stable")
-            ends = np.cumsum(np.bincount(elements.ravel(), minlength=len(points)))[:-1]
-            self._of = np.split(order // elements.shape[1], ends)
 
     def spacing(self, i: int) -> float:
         """Mean edge length of the elements at site i [m]; 0 among given points."""
-        if not self.dimension or not len(self._of[i]):
+        corners = self.points[self._elements_at([i])]
+        if not len(corners):
             return 0.0
-        corners = self.points[self.elements[self._of[i]]]
         return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 
     def chart(self, place: Array, site: int) -> LocalChart:
@@ -92,51 +84,47 @@ class MapSurface:
         if size == 0.0:
             return LocalChart(place, np.zeros((0, 3)), np.array([site]), np.zeros((1, 0)), 1.0)
 
-        count = NEIGHBOUR_COUNTS[self.dimension]
-        neighbours = np.atleast_1d(self._tree.query(place, min(3 * count, len(self.points)))[1])
-        neighbours = neighbours[
-            self.directions[neighbours] @ self.directions[site] > MIN_SIDE_COSINE
-        ][:count]
-        offsets = self.points[neighbours[: min(9, len(neighbours))]] - self.points[site]
-        axes = np.linalg.svd(offsets, full_matrices=False)[2][: self.dimension]
+        dimension = self.elements.shape[1] - 1
+        count = NEIGHBOUR_COUNTS[dimension]
+        sites = self._neighbours(place, site, 3 * count)[:count]
+        offsets = self.points[sites[:9]] - self.points[site]
+        axes = np.linalg.svd(offsets, full_matrices=False)[2][:dimension]
 
-        return LocalChart(
-            place, axes, neighbours, (self.points[neighbours] - place) @ axes.T / size, size
-        )
+        return LocalChart(place, axes, sites, (self.points[sites] - place) @ axes.T / size, size)
 
     def nearest(self, place: Array, site: int) -> tuple[Array, int]:
         """(nearest point of the surface, its nearest site), on the side of `site`."""
-        if not self.dimension:
+        candidates = self._elements_at(self._neighbours(place, site, 12))
+        if not len(candidates):
             return self.points[site], site
 
-        neighbours = np.atleast_1d(self._tree.query(place, min(12, len(self.points)))[1])
-        neighbours = neighbours[
-            self.directions[neighbours] @ self.directions[site] > MIN_SIDE_COSINE
-        ]
-        elements = [self._of[i] for i in neighbours]
-        if not sum(map(len, elements)):
-            return self.points[site], site
-
-        candidates = self.elements[np.unique(np.concatenate(elements))]
         feet = _nearest_points(place, self.points[candidates])
-        best = int(np.argmin(np.linalg.norm(feet - place, axis=1)))
+        best = np.argmin(np.linalg.norm(feet - place, axis=1))
         corners = candidates[best]
         distances = np.linalg.norm(self.points[corners] - feet[best], axis=1)
         return feet[best], int(corners[np.argmin(distances)])
+
+    def _elements_at(self, sites: ArrayLike) -> IntArray:
+        """The elements with one of these sites as a corner."""
+        return self.elements[np.isin(self.elements, sites).any(axis=1)]
+
+    def _neighbours(self, place: Array, site: int, count: int) -> IntArray:
+        """The sites nearest to a place, at most `count`, on the side of `site`."""
+        sites = np.atleast_1d(self._tree.query(place, min(count, len(self.points)))[1])
+        return sites[self.directions[sites] @ self.directions[site] > MIN_SIDE_COSINE]
 
 
 def _nearest_points(x: Array, corners: Array) -> Array:
     """Points (T, 3) of triangles (T, 3, 3) or segments (T, 2, 3) that are nearest to x (3,)."""
     offsets = corners - x
-    size = float(np.linalg.norm(offsets, axis=2).max())
-    ones = np.full(
-        (*offsets.shape[:2], 1), BARYCENTRIC_WEIGHT * size
-    )  # the weights of the corners add up to 1
-    rows = np.concatenate((offsets, ones), axis=2).transpose(0, 2, 1)
-    weights = np.array([nnls(A, [0.0, 0.0, 0.0, BARYCENTRIC_WEIGHT * size])[0] for A in rows])
+    size = BARYCENTRIC_WEIGHT * np.linalg.norm(offsets, axis=2).max()
+
+    # the last row says that the weights of the corners add up to 1
+    rows = np.pad(offsets, ((0, 0), (0, 0), (0, 1)), constant_values=size).transpose(0, 2, 1)
+    weights = np.array([nnls(A, [0.0, 0.0, 0.0, size])[0] for A in rows])
     weights /= weights.sum(axis=1, keepdims=True)
 
-    return x + np.asarray(np.einsum("tc,tcd->td", weights, offsets))
+    return x + np.einsum("tc,tcd->td", weights, offsets)
 
 
 def has_stiffness(law: ContactLaw) -> bool:
@@ -172,9 +160,8 @@ class CandidateImpact:
 class ComputedSignals:
     """Computed signals of an impact, filtered and divided by their noise, of m sensors."""
 
-    modal_signals: (
-        Array  # (n', m, J) contribution of each mode, without `CandidateImpact.share_changes`
-    )
+    #: (n', m, J) contribution of each mode, without `CandidateImpact.share_changes`
+    modal_signals: Array
     signals: Array  # (n', m) the sum
     hit: History  # the impact
 
@@ -204,16 +191,16 @@ class SearchModel:
 
     def modes_at(self, chart: LocalChart, x: Array) -> Array:
         """Modal values b, residual and local compliance (J + 2,) at coordinates x of a chart."""
-        return np.asarray(chart.weights(x) @ self.site_table[chart.sites])
+        return chart.weights(x) @ self.site_table[chart.sites]
 
     def history_of(self, blow: CandidateImpact, site_data: Array) -> History:
         """The impact at a place with the data `site_data` (J + 2,) of `modes_at`."""
         omega = self.omega * np.sqrt(blow.E) * (1 + blow.frequency_changes)
         b = site_data[:-2]
         r, local = np.maximum(site_data[-2:], 0.0) / blow.E
-        modes = ModalBody(omega, b, r=float(r), decay=self.decay)
-        radius = float(self.radius[blow.site])
-        body = ModalModel(modes, float(local), None if np.isnan(radius) else radius)
+        modes = ModalBody(omega, b, r=r, decay=self.decay)
+        radius = self.radius[blow.site]
+        body = ModalModel(modes, local, None if np.isnan(radius) else radius)
         law = self.law
         if has_stiffness(law):
             law = replace(law, stiffness=blow.stiffness)  # type: ignore[type-var]
@@ -231,18 +218,11 @@ class SearchModel:
         J = len(self.omega)
         omega = self.omega * np.sqrt(blow.E) * (1 + blow.frequency_changes)
         q, v = (x[:, :J] for x in hit.states(t[after_start]))
-        a = (
-            hit.force_at(t[after_start])[:, None] * site_data[:J]
-            - omega**2 * q
-            - 2 * self.decay * v
-        )
-        filter_columns = self.data.filter_matrix[:, after_start]
-        motions = {
-            order: filter_columns @ (q, v, a)[order]
-            for order in set(self.derivative_orders.tolist())
-        }
+        F = hit.force_at(t[after_start])[:, None]
+        a = F * site_data[:J] - omega**2 * q - 2 * self.decay * v
+        orders = self.derivative_orders.tolist()
+        columns = self.data.filter_matrix[:, after_start]
+        motions = {order: columns @ (q, v, a)[order] for order in set(orders)}
         rows = self.sensor_shapes / self.data.noise_sigma[:, None]
-        parts = np.stack(
-            [motions[k] * row for k, row in zip(self.derivative_orders, rows, strict=True)], 1
-        )
+        parts = np.stack([motions[k] * row for k, row in zip(orders, rows, strict=True)], 1)
         return ComputedSignals(parts, np.sum(parts * (1 + blow.share_changes), axis=2), hit)

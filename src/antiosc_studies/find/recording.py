@@ -93,7 +93,7 @@ def sensor_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
     reach = Reach("the point of the sensor")
     if sensor.quantity != "strain":
         columns = fields.at_point(structure, shapes, x, part, reach)
-        return np.asarray(d[: len(columns)] @ columns)
+        return d[: len(columns)] @ columns
 
     nodes = np.zeros(1)
     weights = np.full(1, 2.0)
@@ -103,7 +103,7 @@ def sensor_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
     points = x + np.outer(nodes, d) * (sensor.length or 0.0) / 2
     surface_place = place(sensor.surface, None, (0.0, 0.0), "global")
     strain = fields.recovered(structure, shapes, points, part, "strain", surface_place, reach)
-    return np.asarray(np.einsum("p,i,pijk,j->k", weights / 2, d, strain, d, optimize=True))
+    return np.einsum("p,i,pijk,j->k", weights / 2, d, strain, d, optimize=True)
 
 
 #: Units of a sensor's quantity, with factors to SI.
@@ -155,7 +155,7 @@ class Recording:
     @cached_property
     def scaled_signals(self) -> Array:
         """(n', m) the filtered signals divided by their noise."""
-        return np.asarray(self.filter_matrix @ (self.values / self.noise_sigma))
+        return self.filter_matrix @ (self.values / self.noise_sigma)
 
 
 def recording_of(
@@ -182,9 +182,8 @@ def recording_of(
         )
     if len(values) < MIN_SAMPLES or values.size > MAX_SIGNAL_VALUES:
         raise InputError(
-            f"signals need {MIN_SAMPLES} samples or more, and at most {MAX_SIGNAL_VALUES} "
-            "values; got"
-            f" {len(values)} of {count} sensors: cut them to the time of the blow."
+            f"signals need {MIN_SAMPLES} samples or more, and at most {MAX_SIGNAL_VALUES} values;"
+            f" got {len(values)} of {count} sensors: cut them to the time of the blow."
         )
 
     size = np.sqrt(np.mean(values**2, axis=0))
@@ -193,9 +192,8 @@ def recording_of(
     lowest = MIN_BAND_PERIODS * rate / len(values)
     if band is not None and not lowest <= band / (2 * np.pi) <= rate / 2:
         raise InputError(
-            f"band must hold {MIN_BAND_PERIODS} periods of the record, {lowest:.4g} Hz, and "
-            "end at half the"
-            f" rate, {rate / 2:.4g} Hz; got {band / (2 * np.pi):.4g} Hz."
+            f"band must hold {MIN_BAND_PERIODS} periods of the record, {lowest:.4g} Hz, and end at"
+            f" half the rate, {rate / 2:.4g} Hz; got {band / (2 * np.pi):.4g} Hz."
         )
 
     top = min(max_band, _signal_band(values, rate), np.pi * rate) if band is None else band
@@ -210,9 +208,8 @@ def recording_of(
             )
         sigma = np.broadcast_to(sigma, (count,))
 
-    return Recording(
-        values, 1 / rate, sigma, top, _low_pass_matrix(len(values), top / (np.pi * rate))
-    )
+    low_pass = _low_pass_matrix(len(values), top / (np.pi * rate))
+    return Recording(values, 1 / rate, sigma, top, low_pass)
 
 
 def _signals_of_table(
@@ -220,21 +217,19 @@ def _signals_of_table(
 ) -> tuple[Array, float | None]:
     """The signals of a table, and their sampling rate if its first column contains times."""
     check_readable(path, "the signals")
-    table_columns = columns_of_table(path)
-    timed = len(table_columns) == len(sensors) + 1
+    columns = columns_of_table(path)
+    timed = len(columns) == len(sensors) + 1
 
-    signals = table_columns[1:] if timed else table_columns
+    signals = columns[1:] if timed else columns
     if len(signals) == len(sensors):
-        pairs = zip(signals, sensors, strict=True)
-        values = np.column_stack(
-            [column.in_si(SENSOR_UNITS[sensor.quantity]) for column, sensor in pairs]
-        )
+        units = [SENSOR_UNITS[sensor.quantity] for sensor in sensors]
+        values = np.column_stack([c.in_si(unit) for c, unit in zip(signals, units, strict=True)])
     else:
         values = np.column_stack([column.values for column in signals])  # refused by its shape
 
     if not timed:
         return values, rate
-    t = table_columns[0].in_si(TIME_UNITS)
+    t = columns[0].in_si(TIME_UNITS)
     if len(t) < MIN_SAMPLES:
         raise InputError(f"{path.name} has {len(t)} samples; {MIN_SAMPLES} or more are needed.")
     step = (t[-1] - t[0]) / (len(t) - 1)
@@ -269,11 +264,9 @@ def _signal_band(values: Array, rate: float) -> float:
     """Frequency [rad/s] above which no signal exceeds its noise."""
     w, power = _power_spectrum(values, rate)
     floor = np.median(power[-len(w) // 4 :], axis=0) / np.log(2)
-    excess_power = np.cumsum(power - floor, axis=0)
-    ends = [
-        w[np.argmax(spectrum > BAND_POWER_SHARE * spectrum.max())] for spectrum in excess_power.T
-    ]
-    return float(max(max(ends), w[MIN_BAND_PERIODS]))
+    excess = np.cumsum(power - floor, axis=0)
+    ends = w[np.argmax(excess > BAND_POWER_SHARE * excess.max(axis=0), axis=0)]
+    return float(max(ends.max(), w[MIN_BAND_PERIODS]))
 
 
 def _noise_sigma(values: Array, rate: float, band: float) -> Array:

@@ -13,6 +13,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from operator import attrgetter
+from sys import float_info
 
 import numpy as np
 from scipy import fft
@@ -61,7 +64,7 @@ def scan_pulses(model: SearchModel, frequency_sigma: float) -> PulseScan:
     T = data.duration
     size = fft.next_fast_len(2 * n, real=True)
     D = fft.rfft(data.values / data.noise_sigma, size, axis=0)
-    power = float(np.sum((data.values / data.noise_sigma) ** 2))
+    power = np.sum((data.values / data.noise_sigma) ** 2)
     slow = RIGID_FREQUENCY / T
     lam = -decay + 1j * np.sqrt(np.maximum(omega**2 - decay**2, slow**2))
     ends = np.linspace(0, n, WINDOW_COUNT + 1).astype(int)[1:]
@@ -69,9 +72,10 @@ def scan_pulses(model: SearchModel, frequency_sigma: float) -> PulseScan:
     shortest = min(MIN_PULSE_PERIODS * 2 * np.pi / data.band, longest)
 
     best = np.zeros((4, len(b)))
+    phase_errors = np.outer(data.time, frequency_sigma * lam.imag)
+    fading = np.exp(-(phase_errors**2) / 2)
     for tau in np.geomspace(shortest, longest, PULSE_COUNT):
         table = pulse_responses(lam, tau, data.time)
-        fading = np.exp(-((frequency_sigma * np.abs(lam.imag)[None] * data.time[:, None]) ** 2) / 2)
         Q = np.zeros((size // 2 + 1, len(lam)), dtype=complex)
         gram = np.zeros((WINDOW_COUNT, len(lam), len(lam)))
         for s, order in enumerate(model.derivative_orders):
@@ -104,11 +108,11 @@ def _update_best_pulses(
     # the energy of the longest lags is that of the shortest window at least
     E = energy[:, lower] + (position - lower) * (energy[:, upper] - energy[:, lower])
     A = np.maximum(b @ products, 0.0)
-    gain = A**2 / np.maximum(E, np.finfo(float).tiny)
+    gain = A**2 / np.maximum(E, float_info.min)
     lag = np.argmax(gain, axis=1)
     row = np.arange(len(b))
     improves = gain[row, lag] > best[0]
-    amplitude = A[row, lag] / np.maximum(E[row, lag], np.finfo(float).tiny)
+    amplitude = A[row, lag] / np.maximum(E[row, lag], float_info.min)
     new = np.array([gain[row, lag], np.full(len(b), tau), lag, amplitude])
     best[:, improves] = new[:, improves]
 
@@ -124,11 +128,11 @@ def pulse_responses(lam: Array, tau: float, t: Array) -> list[Array]:
         return (np.exp(1j * w * until) - np.exp(lam * until)) / (1j * w - lam) * np.exp(lam * delay)
 
     z = (driven_response(rate) - driven_response(-rate)) / 2j
-    force = np.where(delay > 0, 0.0, np.sin(rate * until))
+    force: Array = np.where(delay > 0, 0.0, np.sin(rate * until))
     q = z.imag / lam.imag
     v = z.real + lam.real * q
     a = force - np.abs(lam) ** 2 * q + 2 * lam.real * v
-    return [np.asarray(q), np.asarray(v), np.asarray(a)]
+    return [q, v, a]
 
 
 #: Step of logarithms in differences, and of the start over the contact time.
@@ -161,9 +165,8 @@ class ProbableImpact:
     unknown_names: tuple[str, ...]
     #: covariance of the unknowns `names`: coordinates along `chart.axes` [m], logarithms, start [s]
     covariance: Array
-    strength_derivatives: (
-        Array  # (2, .) derivatives of the logarithms of peak force and impulse by these unknowns
-    )
+    #: (2, .) derivatives of the logarithms of peak force and impulse by these unknowns
+    strength_derivatives: Array
     chi2: float  # squared residual over its degrees of freedom
     signals: Array  # (n', m) computed signals over the noise
 
@@ -171,29 +174,28 @@ class ProbableImpact:
 class Search:
     """Gauss–Newton iteration on the place and the logarithms of the other unknowns of a model.
 
-    spread, doubt : relative standard deviations of natural frequencies, and of modes' shares.
+    sigma, share_sigma : relative standard deviations of natural frequencies, and of modes' shares.
     """
 
     def __init__(
-        self, model: SearchModel, unknown: Sequence[str], spread: float, doubt: float
+        self, model: SearchModel, unknown: Sequence[str], sigma: float, share_sigma: float
     ) -> None:
         self.model = model
         self.logs = [name for name in unknown if name != "place"]
-        self.spread = spread
+        self.sigma = sigma
 
         # the error of a mode's share has two parts: its value at the sensor, and that at the struck
         # place, which is common to all sensors
         count = len(model.sensor_shapes)
-        share_covariance = doubt**2 * (np.eye(count) + 1) / 2
+        share_covariance = share_sigma**2 * (np.eye(count) + 1) / 2
         self.unshared = np.linalg.inv(np.linalg.cholesky(share_covariance))
 
     def residuals(self, blow: CandidateImpact, signals: Array) -> Array:
         """Residuals of the signals, then errors of the model, each over its standard deviation."""
-        signal_errors = signals - self.model.data.scaled_signals
+        misfit = signals - self.model.data.scaled_signals
         shares = self.unshared @ blow.share_changes
-        return np.concatenate(
-            [signal_errors.ravel(), blow.frequency_changes / self.spread, shares.ravel()]
-        )
+        frequencies = blow.frequency_changes / self.sigma
+        return np.concatenate([misfit.ravel(), frequencies, shares.ravel()])
 
     def state_at(self, blow: CandidateImpact) -> tuple[LocalChart, Array, ComputedSignals]:
         """(chart at the place, modal data there, computed signals)."""
@@ -204,47 +206,44 @@ class Search:
     def refined_impact(self, blow: CandidateImpact, steps: int) -> ProbableImpact:
         """The impact of least cost near the start, after at most `steps` steps."""
         damping = 1e-3
-        step = -1
-        while True:
-            step += 1
+        converged = False
+        for step in range(steps + 1):
             chart, site_data, computed = self.state_at(blow)
             residual = self.residuals(blow, computed.signals)
             J, gains = self._residual_slopes(blow, chart, site_data, computed)
-            if step == steps:
+            if converged or step == steps:
                 break
+
             # far from the blow, signal differences must not be explained by model errors
             data = computed.signals.size
             factor = np.ones(residual.size)
-            factor[:data] = min(1.0, float(np.sqrt(data / max(np.sum(residual[:data] ** 2), 1.0))))
-
-            def moved(
-                change: Array,
-                blow: CandidateImpact = blow,
-                chart: LocalChart = chart,
-                factor: Array = factor,
-            ) -> tuple[CandidateImpact, Array]:
-                trial = self.changed_impact(blow, chart, change)
-                return trial, factor * self.residuals(trial, self.state_at(trial)[2].signals)
+            factor[:data] = np.sqrt(data / max(np.sum(residual[:data] ** 2), data))
 
             rows = factor[:, None] * J
-            scaled_residual = factor * residual
-            lowered_step, damping = damped_step(
-                rows.T @ rows, rows.T @ scaled_residual, scaled_residual, damping, moved
+            weighted = factor * residual
+            changed = partial(self._changed_residual, blow, chart, factor)
+            lower, damping = damped_step(
+                rows.T @ rows, rows.T @ weighted, weighted, damping, changed
             )
-            if lowered_step is None:
+            if lower is None:
                 break
-            trial, new = lowered_step
+            trial, new = lower
             former = blow.contact_time_estimate
             estimate = min(max(computed.hit.contact_time, former / 5), 5 * former)
             blow = replace(trial, contact_time_estimate=estimate)
 
-            cost_before = float(np.sum((factor * residual) ** 2))
-            if cost_before - float(new @ new) < max(
-                CONVERGED_CHI2_DECREASE, CONVERGED_RELATIVE_DECREASE * cost_before
-            ):
-                steps = step + 1
+            cost = np.sum(weighted**2)
+            least = max(CONVERGED_CHI2_DECREASE, CONVERGED_RELATIVE_DECREASE * cost)
+            converged = cost - new @ new < least
 
         return self._impact_with_uncertainty(blow, chart, computed, residual, J, gains)
+
+    def _changed_residual(
+        self, blow: CandidateImpact, chart: LocalChart, factor: Array, change: Array
+    ) -> tuple[CandidateImpact, Array]:
+        """(impact, its weighted residuals) after a change of all unknowns."""
+        trial = self.changed_impact(blow, chart, change)
+        return trial, factor * self.residuals(trial, self.state_at(trial)[2].signals)
 
     def changed_impact(
         self, blow: CandidateImpact, chart: LocalChart, change: Array
@@ -252,18 +251,17 @@ class Search:
         """The impact after a change of all unknowns."""
         d = len(chart.axes)
         k = len(self.logs)
-        x = change[:d] * min(1.0, MAX_PLACE_CHANGE / max(float(np.linalg.norm(change[:d])), 1e-300))
+        length = float(np.linalg.norm(change[:d]))
+        x = change[:d] * (MAX_PLACE_CHANGE / max(length, MAX_PLACE_CHANGE))
         place = blow.place
         site = blow.site
         if d:
             moved = chart.origin + chart.size * x @ chart.axes
             place, site = self.model.surface.nearest(moved, blow.site)
-        logs = np.clip(change[d : d + k], -MAX_LOG_CHANGE, MAX_LOG_CHANGE)
-        values = {
-            name: getattr(blow, name) * float(np.exp(c))
-            for name, c in zip(self.logs, logs, strict=True)
-        }
-        later = float(np.clip(change[d + k], -MAX_START_CHANGE, MAX_START_CHANGE))
+        factors = np.exp(np.clip(change[d : d + k], -MAX_LOG_CHANGE, MAX_LOG_CHANGE))
+        pairs = zip(self.logs, factors.tolist(), strict=True)
+        values = {name: getattr(blow, name) * factor for name, factor in pairs}
+        later = np.clip(change[d + k], -MAX_START_CHANGE, MAX_START_CHANGE)
         start = blow.start + blow.contact_time_estimate * later
         T = self.model.data.duration
         J = len(blow.frequency_changes)
@@ -299,7 +297,7 @@ class Search:
 
         for name in self.logs:
             change = FREQUENCY_STEP if name == "E" else LOG_STEP
-            value = {name: getattr(blow, name) * float(np.exp(change))}
+            value = {name: getattr(blow, name) * np.exp(change)}
             add_difference(replace(blow, **value), site_data, change)
         later = replace(blow, start=blow.start + LOG_STEP * blow.contact_time_estimate)
         add_difference(later, site_data, LOG_STEP)
@@ -309,19 +307,16 @@ class Search:
         jacobian[: n * m, :p] = np.transpose(columns)
 
         # all frequencies at once: each mode's own part of the change
-        moved_blow = replace(
-            blow, frequency_changes=(1 + blow.frequency_changes) * (1 + FREQUENCY_STEP) - 1
-        )
-        part_changes = (
-            model.computed_signals(moved_blow, site_data).modal_signals - computed.modal_signals
-        ) * (1 + blow.share_changes)
-        by_frequency = part_changes / (FREQUENCY_STEP * (1 + blow.frequency_changes))
+        ratio = 1 + blow.frequency_changes
+        moved = replace(blow, frequency_changes=ratio * (1 + FREQUENCY_STEP) - 1)
+        parts = model.computed_signals(moved, site_data).modal_signals - computed.modal_signals
+        by_frequency = parts * (1 + blow.share_changes) / (FREQUENCY_STEP * ratio)
         jacobian[: n * m, p : p + J] = by_frequency.reshape(n * m, J)
         for s in range(m):
             column = p + J + s * J
             jacobian[s : n * m : m, column : column + J] = computed.modal_signals[:, s]
         rows = np.arange(J)
-        jacobian[n * m + rows, p + rows] = 1 / self.spread
+        jacobian[n * m + rows, p + rows] = 1 / self.sigma
         jacobian[n * m + J :, p + J :] = np.kron(self.unshared, np.eye(J))
         return jacobian, np.transpose(gains)
 
@@ -340,29 +335,26 @@ class Search:
         p = d + k + 1
         data = computed.signals.size
         inverse = covariance(J.T @ J)
-        degrees = float(np.sum((J[:data] @ inverse) * J[:data]))
+        degrees = np.sum((J[:data] @ inverse) * J[:data])
         chi2 = float(residual[:data] @ residual[:data]) / max(data - degrees, 1.0)
         unit = np.concatenate([np.full(d, chart.size), np.ones(k), [blow.contact_time_estimate]])
-        covariance_of_unknowns = inverse[:p, :p] * unit * unit[:, None] * max(chi2, 1.0)
-        names = (*("place",) * d, *self.logs, "start")
-        cost = float(residual @ residual)
 
         return ProbableImpact(
             blow,
             chart,
             computed.hit,
-            cost,
-            names,
-            covariance_of_unknowns,
-            gains / unit,
-            chi2,
-            computed.signals,
+            cost=float(residual @ residual),
+            unknown_names=(*("place",) * d, *self.logs, "start"),
+            covariance=inverse[:p, :p] * unit * unit[:, None] * max(chi2, 1.0),
+            strength_derivatives=gains / unit,
+            chi2=chi2,
+            signals=computed.signals,
         )
 
 
 def log_strength(hit: History) -> Array:
     """Logarithms (2,) of peak force and impulse."""
-    return np.log(np.maximum([hit.peak_force, hit.impulse], np.finfo(float).tiny))
+    return np.log(np.maximum([hit.peak_force, hit.impulse], float_info.min))
 
 
 #: Number of places at which searches start.
@@ -401,15 +393,13 @@ def most_probable_impacts(
 ) -> list[ProbableImpact]:
     """The most probable impacts, the best first; a second one at another place if there is one.
 
-    known : values of known quantities; weight : mass [kg] of the structure; spread, doubt : as for
-    `Search`.
+    known_values : values of known quantities; structure_mass : [kg]; frequency_sigma, share_sigma :
+    as for `Search`.
     """
     search = Search(model, unknown_names, frequency_sigma, share_sigma)
-    masses = (
-        [share * structure_mass for share in INITIAL_MASS_RATIOS]
-        if "mass" in unknown_names
-        else [known_values["mass"]]
-    )
+    masses = [share * structure_mass for share in INITIAL_MASS_RATIOS]
+    if "mass" in known_values:
+        masses = [known_values["mass"]]
     starts = [
         _scaled_to_signals(search, _initial_impact(model, scanned, i, mass, known_values))
         for i in _starting_places(model, scanned)
@@ -422,47 +412,45 @@ def most_probable_impacts(
         for count, (_, blow) in enumerate(starts[:MAX_STARTED_SEARCHES], start=1):
             starting_impacts.append(search.refined_impact(blow, STARTED_SEARCH_STEPS))
             ready(count)
-        starting_impacts.sort(key=lambda fit: fit.cost)
+        starting_impacts.sort(key=attrgetter("cost"))
         fits = []
         for fit in _fits_to_continue(model, starting_impacts):
             fits.append(search.refined_impact(fit.blow, CONTINUED_SEARCH_STEPS))
             ready(MAX_STARTED_SEARCHES + len(fits))
-        best = min(fits, key=lambda fit: fit.cost)
+        best = min(fits, key=attrgetter("cost"))
         if best.chi2 > POOR_CHI2 and {"mass", "velocity"} <= set(unknown_names):
             for by in HEAVIER_MASS_FACTORS:  # of the same momentum, which may touch a second time
                 mass, velocity = by * best.blow.mass, best.blow.velocity / by
                 heavier = replace(best.blow, mass=mass, velocity=velocity)
                 fits.append(search.refined_impact(heavier, CONTINUED_SEARCH_STEPS))
 
-    return sorted(fits, key=lambda fit: fit.cost)
+    return sorted(fits, key=attrgetter("cost"))
 
 
 def _fits_to_continue(model: SearchModel, fits: list[ProbableImpact]) -> list[ProbableImpact]:
     """The fits to continue: the best one, and the best at another place or else the second best."""
     first, *others = fits
     least_distance = MIN_PLACE_DISTANCE * model.surface.spacing(first.blow.site)
-    lines = [fit.blow.place - first.blow.place for fit in others]
-    apart = [np.linalg.norm(line) > least_distance for line in lines]
-    elsewhere = [fit for fit, is_apart in zip(others, apart, strict=True) if is_apart]
+    place = first.blow.place
+    apart = [fit for fit in others if np.linalg.norm(fit.blow.place - place) > least_distance]
 
-    promising = [
-        fit for fit in (*elsewhere, *others) if fit.cost < HOPELESS_COST_RATIO * first.cost
-    ]
+    limit = HOPELESS_COST_RATIO * first.cost
+    promising = [fit for fit in (*apart, *others) if fit.cost < limit]
     return [first, *promising][:MAX_CONTINUED_SEARCHES]
 
 
 def _starting_places(model: SearchModel, scanned: PulseScan) -> list[int]:
     """The sites whose pulses fit best, at a distance from one another."""
-    site_numbers: list[int] = []
+    sites: list[int] = []
     points = model.surface.points
     for i in np.argsort(-scanned.power_share, kind="stable").tolist():
         least_distance = MIN_PLACE_DISTANCE * model.surface.spacing(i)
-        if all(np.linalg.norm(points[i] - points[k]) > least_distance for k in site_numbers):
-            site_numbers.append(i)
-        if len(site_numbers) == STARTING_PLACE_COUNT:
+        if all(np.linalg.norm(points[i] - points[k]) > least_distance for k in sites):
+            sites.append(i)
+        if len(sites) == STARTING_PLACE_COUNT:
             break
 
-    return site_numbers
+    return sites
 
 
 def _initial_impact(
@@ -471,13 +459,13 @@ def _initial_impact(
     """An impact whose pulse on a rigid wall is that of the scan at site i."""
     T = float(scanned.duration[i])
     impulse = 2 / np.pi * T * float(scanned.amplitude[i])
-    velocity = max(impulse, float(np.finfo(float).tiny)) / (INITIAL_IMPULSE_RATIO * mass)
+    velocity = max(impulse, float_info.min) / (INITIAL_IMPULSE_RATIO * mass)
     approach = T * velocity / HERTZ_TIME_FACTOR
     exponent = model.law_exponent
     stiffness = (exponent + 1) / 2 * mass * velocity**2 / approach ** (exponent + 1)
     J = len(model.omega)
     m = len(model.sensor_shapes)
-    guess = {"velocity": velocity, "stiffness": stiffness, "E": 1.0, **known, "mass": mass}
+    guess = {"velocity": velocity, "stiffness": stiffness, **known, "mass": mass}
 
     return CandidateImpact(
         model.surface.points[i],
@@ -503,4 +491,4 @@ def _scaled_to_signals(search: Search, blow: CandidateImpact) -> tuple[float, Ca
     # with this change of stiffness the force of a power law is proportional to the velocity
     change = {"velocity": amplitude, "stiffness": amplitude ** (1 - model.law_exponent)}
     new = {n: getattr(blow, n) * c for n, c in change.items() if n in search.logs}
-    return float(np.sum((amplitude * signals - data) ** 2)), replace(blow, **new)
+    return np.sum((amplitude * signals - data) ** 2), replace(blow, **new)
