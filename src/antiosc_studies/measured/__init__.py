@@ -22,7 +22,7 @@ from antiosc_studies.measured.fit import (
     most_probable_fit,
     with_other_noise,
 )
-from antiosc_studies.measured.frf import DERIVATIVE_ORDERS, FRF, FittedModes, SitePairs
+from antiosc_studies.measured.frf import DERIVATIVE_ORDERS, FRF, FittedModes
 
 DampingForm = Literal["viscous", "hysteretic"]
 #: Largest number of values in a fit.
@@ -112,25 +112,22 @@ def from_frf(
 
 def _measured_of(frf: FRF) -> MeasuredReceptances:
     """The measurement in the form that the fit needs."""
-    size = max(len(frf.sites), 1)
     w = 2 * np.pi * frf.frequency
     if frf.values.size > MAX_FITTED_VALUES:
         raise InputError(
-            f"the band holds {frf.values.size} values, more than the {MAX_FITTED_VALUES} "
-            "that can be"
-            " fitted: take a narrower band, fewer sites, or every second line."
+            f"the band holds {frf.values.size} values, more than the {MAX_FITTED_VALUES} that can"
+            " be fitted: take a narrower band, fewer sites, or every second line."
         )
 
-    pairs: SitePairs = frf.pairs
-    if not any(m == n for m, n in pairs):
+    if not any(m == n for m, n in frf.pairs):
         raise InputError("no reference is among the sites: one driving point is needed.")
     sigma = frf.receptance_sigma
 
     return MeasuredReceptances(
         w=w,
         H=frf.receptance.reshape(len(w), -1),
-        pairs=pairs,
-        sites=size,
+        pairs=frf.pairs,
+        sites=max(len(frf.sites), 1),
         sigma=None if sigma is None else sigma.reshape(len(w), -1),
         derivative_order=DERIVATIVE_ORDERS[frf.quantity],
     )
@@ -152,27 +149,25 @@ def _with_power_into_part(data: MeasuredReceptances) -> MeasuredReceptances:
         f"at the driving point {percent(outflow)} of the power flows out of the part, which has "
         "none: force and motion were taken in opposite directions, and the sign was turned."
     )
-    return MeasuredReceptances(
-        data.w, -data.H, data.pairs, data.sites, data.sigma, data.derivative_order
-    )
+    return replace(data, H=-data.H)
 
 
 def _outflow_share(data: MeasuredReceptances) -> float:
     """Power that leaves the part over all |power|, of equal forces at its driving points."""
     power = _driving_power(data)
-    return float(-np.sum(np.minimum(power, 0.0)) / np.sum(np.abs(power)))
+    return -np.sum(np.minimum(power, 0.0)) / np.sum(np.abs(power))
 
 
 def _driving_power(data: MeasuredReceptances) -> Array:
     """Power into the part at its driving points / (squared force amplitude / 2): (W, p)."""
     driving = [column for column, (m, n) in enumerate(data.pairs) if m == n]
-    return np.asarray(-data.w[:, None] * data.H[:, driving].imag)
+    return -data.w[:, None] * data.H[:, driving].imag
 
 
 def _check_fit(data: MeasuredReceptances, fit: BodyFit) -> None:
     """Raise an error if no body explains the measurement; warn of doubtful properties."""
     H = fit.modes.receptance(data.w, data.pairs)
-    misfit = float(np.median(np.abs(data.H - H) / np.abs(data.H)))
+    misfit = np.median(np.abs(data.H - H) / np.abs(data.H))
 
     if (outflow := _outflow_share(data)) > MISPLACED_SHARE:
         warn(
@@ -223,12 +218,13 @@ def _consistent_bodies(data: MeasuredReceptances, fit: BodyFit) -> MeasuredBand:
 
 def _free_modes_of(modes: FittedModes) -> tuple[list[float], list[float], list[float], float]:
     """Free modes (omega, decay, b, r) of a fitted body with one site, a rigid-body mode first."""
-    zero = [] if modes.rigid is None else [0.0]
-    rigid_b = [] if modes.rigid is None else [float(modes.rigid[0, 0])]
     omega = modes.omega.tolist()
-    b = modes.b[:, 0].tolist()
     decay = (modes.zeta * modes.omega).tolist()
-    return zero + omega, zero + decay, rigid_b + b, float(modes.residual_root[0, 0] ** 2)
+    b = modes.b[:, 0].tolist()
+    r = float(modes.residual_root[0, 0] ** 2)
+    if modes.rigid is None:
+        return omega, decay, b, r
+    return [0.0, *omega], [0.0, *decay], [float(modes.rigid[0, 0]), *b], r
 
 
 def anti_oscillators(
@@ -246,16 +242,16 @@ def anti_oscillators(
         rigid = modes.rigid.T[size > MIN_RIGID_SHARE * size.max()]
         b = np.vstack((rigid, b))
         omega = np.append(np.zeros(len(rigid)), omega)
-    shift = SHIFT_RATIO * float(omega[omega > 0][0]) ** 2 if modes.rigid is not None else 0.0
+    fitted = omega[omega > 0]
+    shift = SHIFT_RATIO * fitted[0] ** 2 if modes.rigid is not None else 0.0
     if sites:
         model = _model_of_sites(omega, b, r, sites)
     else:
-        compliance = float(np.sum(b[:, 0] ** 2 / (omega**2 + shift)) + r[0, 0])
+        compliance = np.sum(b[:, 0] ** 2 / (omega**2 + shift)) + r[0, 0]
         model = from_free_modes(omega, b[:, 0], compliance, shift=shift)
     elastic = model.free_modes.omega
     elastic = elastic[elastic > 0]
-    fitted = omega[omega > 0]
-    ratios = [float(zeta[np.argmin(np.abs(np.log(fitted / w)))]) for w in elastic]
+    ratios = [zeta[np.argmin(np.abs(np.log(fitted / w)))] for w in elastic]
     with without_warnings():  # broad modes hide in the fit: nobody gave their ratios
         return replace(model, damping=Damping(ratio=ratios), info=info)
 
@@ -267,7 +263,7 @@ def _model_of_sites(omega: Array, b: Array, r: Array, sites: tuple[str, ...]) ->
     r^-1, X = diag(omega^2); K0 = S'XS + (1 - b'S)' r^-1 (1 - b'S), M_st = S'S.
     """
     values, vectors = np.linalg.eigh(r)
-    values = np.maximum(values, MIN_RESIDUAL_RATIO * float(np.abs(r).max()))
+    values = np.maximum(values, MIN_RESIDUAL_RATIO * np.abs(r).max())
     stiff = (vectors / values) @ vectors.T
 
     # singular values of a root of the stiffness: its eigenvalues would lose the low modes

@@ -111,9 +111,9 @@ def compare(
     t, F = _measured_history(measured)
     time = checks.floats("hit.time", hit.time, (None,))
     force = checks.floats("hit.force", hit.force, None)
-    if not np.any(force > 0) or not np.any(F > 0):
-        source_text = "computed" if not np.any(force > 0) else "measured"
-        raise InputError(f"the {source_text} force is nowhere > 0: there is no impact to compare.")
+    for name, values in (("computed", force), ("measured", F)):
+        if not np.any(values > 0):
+            raise InputError(f"the {name} force is nowhere > 0: there is no impact to compare.")
     samples = np.linspace(time[0], time[-1], SAMPLE_COUNT)
     force_at = getattr(hit, "force_at", None)
     values = force_at(samples) if force_at is not None else np.interp(samples, time, force)
@@ -124,23 +124,21 @@ def compare(
     weight = np.gradient(t)
 
     def squared_difference(shift: float) -> float:
-        return float(np.sum(weight * (F - computed_force(t + shift)) ** 2))
+        return np.sum(weight * (F - computed_force(t + shift)) ** 2)
 
     low = samples[0] - t[-1]
     high = samples[-1] - t[0]
-    shifts = np.linspace(low, high, SHIFT_COUNT)
-    shifts = np.append(shifts, samples[int(np.argmax(values))] - t[int(np.argmax(F))])
-    best = float(
-        shifts[int(np.argmin([squared_difference(trial_shift) for trial_shift in shifts]))]
-    )
+    between_peaks = samples[np.argmax(values)] - t[np.argmax(F)]
+    shifts = np.append(np.linspace(low, high, SHIFT_COUNT), between_peaks)
+    best = float(min(shifts, key=squared_difference))
     width = (high - low) / (SHIFT_COUNT - 1)
-    best_shift = minimize_scalar(
+    refined = minimize_scalar(
         squared_difference,
         bounds=(best - width, best + width),
         method="bounded",
         options={"xatol": 1e-6 * width},
     )
-    shift = float(best_shift.x) if best_shift.fun < squared_difference(best) else best
+    shift = float(refined.x) if refined.fun < squared_difference(best) else best
     shifted = computed_force(t + shift)
     energy = float(np.sum(weight * shifted**2))
     peak = float(shifted.max())

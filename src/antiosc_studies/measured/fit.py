@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from operator import attrgetter
+from sys import float_info
 from typing import TypeVar
 
 import numpy as np
@@ -62,12 +63,13 @@ INITIAL_DAMPING_RATIO = 0.005
 def starting_poles(w: Array, H: ComplexArray) -> ComplexArray:
     """Initial poles (n,) in the upper half-plane: at peaks of the mobility and in between."""
     level = np.log(np.sum(np.abs(H) ** 2, axis=1)) / 2 + np.log(w)
-    noise = float(np.median(np.abs(np.diff(level, 2)))) / 1.65 if len(w) > 5 else 0.0
+    noise = np.median(np.abs(np.diff(level, 2))) / 1.65 if len(w) > 5 else 0.0
     if len(w) > 11:
         level = savgol_filter(level, 5, 2)
     peaks, _ = find_peaks(level, prominence=max(MIN_PEAK_PROMINENCE, MIN_PEAK_OVER_NOISE * noise))
     spare_count = max(MIN_SPARE_POLES, int(SPARE_POLE_SHARE * len(peaks)))
-    positions = np.append(w[peaks], np.linspace(w[0], w[-1], spare_count + 2)[1:-1])
+    between = np.linspace(w[0], w[-1], spare_count + 2)[1:-1]
+    positions = np.append(w[peaks], between)
     return np.sort(positions) * (1j - INITIAL_DAMPING_RATIO)
 
 
@@ -76,7 +78,7 @@ def fitted_poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array
 
     w : (W,) circular frequencies; weight : (W, M).
     """
-    top = float(w[-1])
+    top = w[-1]
     starts = starting_poles(w, H) / top
     for _ in range(POLE_RELOCATIONS):
         starts = _relocated_poles(1j * w / top, H, weight, starts)
@@ -93,9 +95,8 @@ def _relocated_poles(
     is_real = a.imag == 0
     first = 1 / (s[:, None] - a)
     second = 1 / (s[:, None] - a.conj())
-    basis = np.hstack(
-        [np.where(is_real, first, first + second), (1j * (first - second))[:, ~is_real]]
-    )
+    even = np.where(is_real, first, first + second)
+    basis = np.hstack([even, (1j * (first - second))[:, ~is_real]])
     ones = np.ones((len(s), 1))
     with_rest = np.hstack([basis, ones, 1 / s[:, None] ** 2])
     sigma = np.hstack([basis, ones])
@@ -106,7 +107,7 @@ def _relocated_poles(
         R = np.asarray(np.linalg.qr(np.vstack([A.real, A.imag]), mode="r"))
         rows.append(R[with_rest.shape[1] :, with_rest.shape[1] :])
 
-    scale = float(np.linalg.norm(np.abs(H) * weight)) / len(s)
+    scale = np.linalg.norm(np.abs(H) * weight) / len(s)
     A = np.vstack([*rows, scale * np.sum(sigma, axis=0).real[None, :]])
     right = np.append(np.zeros(len(A) - 1), scale * len(s))
     size = np.linalg.norm(A, axis=0)
@@ -190,8 +191,9 @@ def gauss_newton(
 ) -> tuple[FittedModes, Array, float]:
     """(most probable body near `modes`, its normal matrix, chi^2 over the degrees of freedom)."""
     damping = 1e-6
+    modes = with_nonzero_terms(data, modes)
     residual = weighted_residuals(data, weight, modes) + shift
-    top = float(data.w[-1])
+    top = data.w[-1]
 
     def trial_step(step: Array) -> tuple[FittedModes, Array]:
         trial = modes.with_values(modes.values + step)
@@ -203,7 +205,7 @@ def gauss_newton(
         lowered_step, damping = damped_step(*equations, residual, damping, trial_step, limits)
         if lowered_step is None:
             break
-        gain = float(residual @ residual - lowered_step[1] @ lowered_step[1])
+        gain = residual @ residual - lowered_step[1] @ lowered_step[1]
         modes, residual = lowered_step
         if gain < CONVERGED_CHI2_DECREASE:
             break
@@ -229,7 +231,7 @@ def damped_step(
     highest step. Returns `moved` of the step, or None if no step lowers the cost, and the damping
     to begin the next one with.
     """
-    cost = float(residual @ residual)
+    cost = residual @ residual
     diagonal = np.diag(normal)
     size = np.sqrt(np.where(diagonal > FLAT_SLOPE_RATIO * diagonal.max(), diagonal, np.inf))
     unit = normal / size / size[:, None]
@@ -240,7 +242,7 @@ def damped_step(
     while damping < MAX_LEVENBERG_DAMPING:
         damped = unit + damping * np.eye(len(unit))
         trial, trial_residual = moved(_bounded_solution(damped, slope, scaled) / size)
-        if float(trial_residual @ trial_residual) < cost:
+        if trial_residual @ trial_residual < cost:
             return (trial, trial_residual), max(damping / 10, 1e-9)
         damping *= 8
 
@@ -321,9 +323,8 @@ def _normal_equations(
 
 def _row_blocks(count: int) -> list[slice]:
     """Slices that divide `count` rows into blocks."""
-    return [
-        slice(first, first + FREQUENCIES_AT_ONCE) for first in range(0, count, FREQUENCIES_AT_ONCE)
-    ]
+    size = FREQUENCIES_AT_ONCE
+    return [slice(first, first + size) for first in range(0, count, size)]
 
 
 def _receptance_derivatives(
@@ -340,37 +341,35 @@ def whitened(values: ComplexArray) -> Array:
 
 def covariance(normal: Array) -> Array:
     """The inverse of a normal matrix; directions that are not observed get no variance."""
-    size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    size = np.sqrt(np.maximum(np.diag(normal), float_info.min))
     values, vectors = np.linalg.eigh(normal / size / size[:, None])
     observed = values > EIGENVALUE_ROUNDING * values[-1]
     half = vectors[:, observed] / np.sqrt(values[observed])
-    return np.asarray(half @ half.T / size / size[:, None])
+    return half @ half.T / size / size[:, None]
 
 
 def with_nonzero_terms(data: MeasuredReceptances, modes: FittedModes) -> FittedModes:
     """The body with small values in place of vanishing terms, where the cost has no gradient."""
     low = slice(len(data.w) // 8 + 1)
-    size = INITIAL_RESIDUAL_RATIO * float(np.median(np.abs(data.H)))
-    mass = INITIAL_RESIDUAL_RATIO * float(np.median(np.abs(data.H[low]) * data.w[low, None] ** 2))
+    size = INITIAL_RESIDUAL_RATIO * np.median(np.abs(data.H))
+    mass = INITIAL_RESIDUAL_RATIO * np.median(np.abs(data.H[low]) * data.w[low, None] ** 2)
     rigid = modes.rigid
     in_band = modes.n_band
     b = modes.b.copy()
-    smallest = np.sqrt(INITIAL_RESIDUAL_RATIO * modes.tail.squared_displacements)
+    smallest = np.sqrt(INITIAL_RESIDUAL_RATIO * modes.tail.squares)
     b[in_band:] = np.where(np.abs(b[in_band:]) < smallest, smallest, b[in_band:])
+    if rigid is not None:
+        rigid = _with_least_diagonal(rigid, mass)
 
-    return replace(
-        modes,
-        b=b,
-        rigid=None if rigid is None else _with_least_diagonal(rigid, mass),
-        residual_root=_with_least_diagonal(modes.residual_root, size),
-    )
+    root = _with_least_diagonal(modes.residual_root, size)
+    return replace(modes, b=b, rigid=rigid, residual_root=root)
 
 
 def _with_least_diagonal(root: Array, least: float) -> Array:
     """The triangular matrix with diagonal entries of at least sqrt(least)."""
     diagonal = np.diag(root)
     small = diagonal**2 < least
-    return np.asarray(root + np.diag(np.where(small, np.sqrt(least) - diagonal, 0.0)))
+    return root + np.diag(np.where(small, np.sqrt(least) - diagonal, 0.0))
 
 
 def noise_sigma(data: MeasuredReceptances, modes: FittedModes) -> Array:
@@ -381,13 +380,11 @@ def noise_sigma(data: MeasuredReceptances, modes: FittedModes) -> Array:
     floor = np.broadcast_to(data.w[:, None] ** (-2.0 * data.derivative_order), squares.shape)
     scales = np.array([[np.mean(squares / size) + EXACT_FIT_VARIANCE], [np.mean(squares / floor)]])
     kinds = scales * np.array([size.ravel(), floor.ravel()])
-    fits = [_noise_variances(squares.ravel(), kinds, start) for start in ((0.9, 0.01), (0.01, 0.9))]
-    variance = min(
-        fits, key=lambda variances: float(np.sum(np.log(variances) + squares.ravel() / variances))
-    )
-    return np.asarray(
-        np.sqrt(np.maximum(variance.reshape(squares.shape), MIN_RELATIVE_NOISE**2 * size))
-    )
+    values = squares.ravel()
+    fits = [_noise_variances(values, kinds, start) for start in ((0.9, 0.01), (0.01, 0.9))]
+    variance = min(fits, key=lambda v: np.sum(np.log(v) + values / v))
+    least = MIN_RELATIVE_NOISE**2 * size
+    return np.sqrt(np.maximum(variance.reshape(squares.shape), least))
 
 
 def _noise_variances(squares: Array, kinds: Array, start: tuple[float, float]) -> Array:
@@ -403,7 +400,7 @@ def _noise_variances(squares: Array, kinds: Array, start: tuple[float, float]) -
         if np.all(np.abs(change) < CONVERGED_SCORING_STEP):
             break
 
-    return np.asarray(np.exp(x) @ kinds)
+    return np.exp(x) @ kinds
 
 
 #: Standard deviations by which a mode's displacement must exceed 0 for the mode to be kept.
@@ -465,9 +462,7 @@ def most_probable_fit(
 
     count = MAX_MODES_PER_ROUND
     for _ in range(MAX_ROUNDS):
-        modes, normal, _ = gauss_newton(
-            data, weight, with_nonzero_terms(data, modes), MAX_ROUND_STEPS
-        )
+        modes, normal, _ = gauss_newton(data, weight, modes, MAX_ROUND_STEPS)
         if data.sigma is None:
             weight = 1 / noise_sigma(data, modes)
         score = _log_probability_cost(data, weight, modes) + KEEPING_SIGMAS**2 * modes.n_band
@@ -478,14 +473,13 @@ def most_probable_fit(
             modes, weight, normal = best_round
             count //= 4
         significant = _significant_modes(modes, covariance(normal))
-        modes = modes.with_band_modes(
-            *(values[: modes.n_band][significant] for values in _mode_parameters(modes))
-        )
+        kept = np.flatnonzero(significant)
+        modes = modes.with_band_modes(modes.omega[kept], modes.zeta[kept], modes.b[kept])
         extended = _with_further_modes(data, weight, modes, count)
         if extended is None and significant.all():
             break
-        modes = modes if extended is None else extended
-        modes = with_tail(modes, expected_tail(modes, float(data.w[-1])))
+        modes = extended or modes
+        modes = with_tail(modes, expected_tail(modes, data.w[-1]))
 
     modes, weight, _ = best_round
     best = _converged_fit(data, weight, modes)
@@ -493,31 +487,28 @@ def most_probable_fit(
     if free is None:  # rigid-body motion must stand above the misfit
         supported = _converged_fit(data, weight, replace(modes, rigid=None))
         clear = supported.cost - best.cost >= KEEPING_SIGMAS**2 * max(best.chi2, 1.0)
-        has_rigid_motion = _low_frequency_misfit(
-            data, best.modes
-        ) < MAX_FREE_MISFIT_RATIO * _low_frequency_misfit(data, supported.modes)
-        if _is_rigid_motion_small(data, best.modes) or not (clear and has_rigid_motion):
+        misfit, other = (_low_frequency_misfit(data, fit.modes) for fit in (best, supported))
+        moves = clear and misfit < MAX_FREE_MISFIT_RATIO * other
+        if not moves or _is_rigid_motion_small(data, best.modes):
             best = supported
 
     bodies = [best.modes, *_other_tails(data, best)]
-    fits = [
-        _converged_fit(data, best.weight, body) for body in _probable_bodies(data, best, bodies)[:2]
-    ]
+    probable = _probable_bodies(data, best, bodies)[:2]
+    fits = [_converged_fit(data, best.weight, body) for body in probable]
     best = min(fits, key=attrgetter("cost"))
     if hysteretic is None:
         hysteretic_fit = _converged_fit(data, best.weight, replace(best.modes, hysteretic=True))
         best = min(best, hysteretic_fit, key=attrgetter("cost"))
-    return replace(
-        best,
-        other_tails=tuple(_probable_bodies(data, best, [*bodies[1:], *_other_tails(data, best)])),
-    )
+
+    tails = _probable_bodies(data, best, [*bodies[1:], *_other_tails(data, best)])
+    return replace(best, other_tails=tuple(tails))
 
 
 def _low_frequency_misfit(data: MeasuredReceptances, modes: FittedModes) -> float:
     """Mean relative misfit of the lowest frequencies, which depend most on rigid-body motion."""
     low = slice(LOWEST_LINE_COUNT)
     fit = modes.receptance(data.w[low], data.pairs)
-    return float(np.mean(np.abs(fit / data.H[low] - 1)))
+    return np.mean(np.abs(fit / data.H[low] - 1))
 
 
 def _is_rigid_motion_small(data: MeasuredReceptances, modes: FittedModes) -> bool:
@@ -547,9 +538,7 @@ def is_support_unclear(data: MeasuredReceptances, modes: FittedModes) -> bool:
 def _converged_fit(data: MeasuredReceptances, weight: Array, modes: FittedModes) -> BodyFit:
     """The converged fit that starts from these modes."""
     for _ in range(MAX_ROUNDS):
-        modes, _, chi2 = gauss_newton(
-            data, weight, with_nonzero_terms(data, modes), MAX_FINAL_STEPS
-        )
+        modes, _, chi2 = gauss_newton(data, weight, modes, MAX_FINAL_STEPS)
         if data.sigma is not None:
             break
         old_weight = weight
@@ -563,21 +552,17 @@ def _converged_fit(data: MeasuredReceptances, weight: Array, modes: FittedModes)
 def _log_probability_cost(data: MeasuredReceptances, weight: Array, modes: FittedModes) -> float:
     """Minus twice the logarithm of a body's probability."""
     residual = weighted_residuals(data, weight, modes)
-    return float(residual @ residual - 4 * np.sum(np.log(weight)))
+    return residual @ residual - 4 * np.sum(np.log(weight))
 
 
 def _probable_bodies(
     data: MeasuredReceptances, fit: BodyFit, bodies: list[FittedModes]
 ) -> list[FittedModes]:
-    """Those of `bodies` that are nearly as probable as the fit, in order; at least FEW_BODIES."""
-    costs = [_log_probability_cost(data, fit.weight, body) for body in bodies]
+    """Those of `bodies` that are nearly as probable as the fit, in order; at least MIN_BODIES."""
+    costs = np.array([_log_probability_cost(data, fit.weight, body) for body in bodies])
     order = np.argsort(costs)
-    lowest = min(costs)
-    return [
-        bodies[i]
-        for k, i in enumerate(order)
-        if k < MIN_BODIES or costs[i] < lowest + PROBABLE_COST_INCREASE
-    ]
+    count = max(MIN_BODIES, np.count_nonzero(costs < costs.min() + PROBABLE_COST_INCREASE))
+    return [bodies[i] for i in order[:count]]
 
 
 # -- the initial body
@@ -593,10 +578,9 @@ def _initial_modes(
     in_band = (omega > low) & (omega < top) & (zeta < MAX_MODE_DAMPING) & (zeta > MIN_MODE_DAMPING)
     omega = omega[in_band]
     zeta = zeta[in_band]
-    high_poles = data.w[-1] * np.array([1.2, 1.6, 2.5])
-    D = dynamic_factors(
-        data.w, np.append(omega, high_poles), np.append(zeta, np.full(3, TAIL_DAMPING)), hysteretic
-    )
+    all_omega = np.append(omega, data.w[-1] * np.array([1.2, 1.6, 2.5]))
+    all_zeta = np.append(zeta, np.full(3, TAIL_DAMPING))
+    D = dynamic_factors(data.w, all_omega, all_zeta, hysteretic)
     basis: ComplexArray = np.hstack([D, np.ones((len(D), 1)), -1 / data.w[:, None] ** 2])
     basis = basis[:, : -1 if free is False else None]
 
@@ -609,16 +593,14 @@ def _initial_modes(
         residues[: len(solution), m, n] = residues[: len(solution), n, m] = solution
 
     residues = _completed_residues(residues, data.pairs)
-    b = np.array([rank_one_vector(residue) for residue in residues[: len(omega)]]).reshape(
-        -1, data.sites
-    )
-    no_tail = TailModes(np.zeros(0), np.zeros(0), np.zeros((0, data.sites)), np.zeros(0))
+    vectors = [rank_one_vector(residue) for residue in residues[: len(omega)]]
+    b = np.array(vectors).reshape(-1, data.sites)
+    none = np.zeros(0)
+    no_tail = TailModes(none, none, np.zeros((0, data.sites)), none)
     rigid = None if free is False else _semidefinite_root(residues[-1])
-    modes = FittedModes(
-        omega, zeta, b, no_tail, _semidefinite_root(residues[-2]), rigid, hysteretic
-    )
-    modes = modes.with_band_modes(*_mode_parameters(modes))
-    return with_tail(modes, expected_tail(modes, float(data.w[-1])))
+    root = _semidefinite_root(residues[-2])
+    modes = FittedModes(omega, zeta, b, no_tail, root, rigid, hysteretic)
+    return with_tail(modes, expected_tail(modes, data.w[-1]))
 
 
 def _completed_residues(residues: Array, pairs: SitePairs) -> Array:
@@ -637,19 +619,14 @@ def _completed_residues(residues: Array, pairs: SitePairs) -> Array:
 def rank_one_vector(residue: Array) -> Array:
     """b (p,) of the rank-one matrix b b' nearest to a residue."""
     values, vectors = np.linalg.eigh(residue)
-    return np.asarray(np.sqrt(max(values[-1], 0.0)) * vectors[:, -1])
+    return np.sqrt(max(values[-1], 0.0)) * vectors[:, -1]
 
 
 def _semidefinite_root(matrix: Array) -> Array:
     """A lower triangle L with L L' near the positive semidefinite part of the matrix."""
     values, vectors = np.linalg.eigh(matrix)
-    floor = 1e-9 * float(np.abs(values).max()) + np.finfo(float).tiny
+    floor = 1e-9 * np.abs(values).max() + float_info.min
     return np.linalg.cholesky((vectors * np.maximum(values, floor)) @ vectors.T)
-
-
-def _mode_parameters(modes: FittedModes) -> tuple[Array, Array, Array]:
-    """Frequencies, damping ratios and displacements of the modes."""
-    return modes.omega, modes.zeta, modes.b
 
 
 # -- adding and dropping modes
@@ -657,26 +634,25 @@ def _mode_parameters(modes: FittedModes) -> tuple[Array, Array, Array]:
 
 def _significant_modes(modes: FittedModes, spreads: Array) -> BoolArray:
     """Mask of the modes in the band that move some site significantly."""
-    displacement = modes.b[: modes.n_band]
+    b = modes.b[: modes.n_band]
     first = len(modes.omega) + modes.n_band
-    sigma = np.sqrt(np.diag(spreads)[first : first + displacement.size]).reshape(displacement.shape)
-    return np.asarray(np.any(np.abs(displacement) > KEEPING_SIGMAS * sigma, axis=1))
+    sigma = np.sqrt(np.diag(spreads)[first : first + b.size]).reshape(b.shape)
+    return np.any(np.abs(b) > KEEPING_SIGMAS * sigma, axis=1)
 
 
 def _with_further_modes(
     data: MeasuredReceptances, weight: Array, modes: FittedModes, max_modes: int
 ) -> FittedModes | None:
-    """The body with at most `max_modes` further modes at peaks of the residual.
-
-    None without any.
-    """
+    """The body with at most `max_modes` further modes at peaks of the residual; None without."""
     misfit = weight * (data.H - modes.receptance(data.w, data.pairs))
     J = np.empty((*data.H.shape, sum(modes.value_sizes)), dtype=complex)
     for rows in _row_blocks(len(data.w)):
         J[rows] = _receptance_derivatives(data, weight, modes, rows)
-    typical = float(np.median(modes.zeta[: modes.n_band])) if modes.n_band else TAIL_DAMPING
-    smooth = np.convolve(np.sum(np.abs(misfit) ** 2, axis=1), np.ones(5) / 5, mode="same")
-    peaks = np.flatnonzero((smooth[1:-1] >= smooth[:-2]) & (smooth[1:-1] >= smooth[2:])) + 1
+    typical = np.median(modes.zeta[: modes.n_band]) if modes.n_band else TAIL_DAMPING
+    power = np.sum(np.abs(misfit) ** 2, axis=1)
+    smooth = np.convolve(power, np.ones(5) / 5, mode="same")
+    inner = smooth[1:-1]
+    peaks = np.flatnonzero((inner >= smooth[:-2]) & (inner >= smooth[2:])) + 1
     peaks = peaks[np.argsort(-smooth[peaks])][:RESIDUAL_PEAK_COUNT]
     omega = np.repeat(data.w[peaks], len(TRIAL_DAMPING_FACTORS))
     zeta = np.tile(typical * np.array(TRIAL_DAMPING_FACTORS), len(peaks))
@@ -689,7 +665,7 @@ def _with_further_modes(
         A = A[:, A.any(axis=0)]
         G = whitened(weight[:, column, None] * D)
         G = G - A @ (covariance(A.T @ A) @ (A.T @ G))  # what the body can take up
-        size = np.maximum(np.linalg.norm(G, axis=0), np.finfo(float).tiny)
+        size = np.maximum(np.linalg.norm(G, axis=0), float_info.min)
         projection = G.T @ whitened(misfit[:, column])
         compliance[:, m, n] = compliance[:, n, m] = projection / size**2
         if m == n:
@@ -727,8 +703,7 @@ def with_other_noise(data: MeasuredReceptances, fit: BodyFit) -> list[FittedMode
     for _ in range(NOISE_DRAWS):
         shift = np.zeros(lines + len(fit.modes.tail_deviations()))
         shift[:lines] = random.standard_normal(lines) * max(fit.chi2, 1.0) ** 0.5
-        start = with_nonzero_terms(data, fit.modes)
-        models.append(gauss_newton(data, fit.weight, start, MAX_NOISE_FIT_STEPS, shift)[0])
+        models.append(gauss_newton(data, fit.weight, fit.modes, MAX_NOISE_FIT_STEPS, shift)[0])
 
     return models
 
@@ -738,8 +713,8 @@ def _other_tails(data: MeasuredReceptances, fit: BodyFit) -> list[FittedModes]:
     random = np.random.default_rng(fit.modes.n_band)
     models = []
     for _ in range(max(TAIL_DRAWS // data.sites, 1)):
-        tail = random_tail(fit.modes.tail, float(data.w[-1]), random)
-        start = with_nonzero_terms(data, with_tail(fit.modes, tail))
+        tail = random_tail(fit.modes.tail, data.w[-1], random)
+        start = with_tail(fit.modes, tail)
         models.append(gauss_newton(data, fit.weight, start, MAX_FINAL_STEPS)[0])
 
     return models

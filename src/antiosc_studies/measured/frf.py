@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from sys import float_info
 from typing import Literal, get_args
 
 import numpy as np
@@ -57,7 +58,7 @@ class TailModes:
 
     omega: Array  # (U,) [rad/s]
     frequency_sigma: Array  # (U,) relative standard deviations of the frequencies
-    squared_displacements: Array  # (U, p) squared displacements [1/kg]
+    squares: Array  # (U, p) squared displacements [1/kg]
     square_sigma: Array  # (U,) relative standard deviations of the squares
 
 
@@ -84,10 +85,11 @@ class FittedModes:
         """H (W, M) of the pairs at circular frequencies (W,) [rad/s]."""
         D = dynamic_factors(w, self.omega, self.zeta, self.hysteretic)
         m, n = np.array(pairs).T
-        H = D @ (self.b[:, m] * self.b[:, n]) + (self.residual_root @ self.residual_root.T)[m, n]
+        residual = self.residual_root @ self.residual_root.T
+        H = D @ (self.b[:, m] * self.b[:, n]) + residual[m, n]
         if self.rigid is not None:
             H = H - (self.rigid @ self.rigid.T)[m, n] / w[:, None] ** 2
-        return np.asarray(H)
+        return H
 
     def jacobian(self, w: Array, pairs: SitePairs) -> ComplexArray:
         """Derivatives (W, M, n) of H by the fitted `values`."""
@@ -120,24 +122,19 @@ class FittedModes:
         omega = self.omega[self.n_band :]
         b = self.b[self.n_band :]
         tail = self.tail
-        deviation = (b**2 - tail.squared_displacements) / (
-            tail.square_sigma[:, None] * tail.squared_displacements
-        )
+        deviation = (b**2 - tail.squares) / (tail.square_sigma[:, None] * tail.squares)
         return np.append(np.log(omega / tail.omega) / tail.frequency_sigma, deviation)
 
     def tail_jacobian(self) -> Array:
         """Derivatives (E, n) of `tail_deviations` by `values`."""
         in_band = self.n_band
+        tail = self.tail
         p = self.b.shape[1]
-        U = len(self.tail.omega)
+        U = len(tail.omega)
         J = np.zeros((U + U * p, sum(self.value_sizes)))
-        J[np.arange(U), in_band + np.arange(U)] = 1 / self.tail.frequency_sigma
+        J[np.arange(U), in_band + np.arange(U)] = 1 / tail.frequency_sigma
         first = len(self.omega) + in_band + in_band * p
-        slope = (
-            2
-            * self.b[in_band:]
-            / (self.tail.square_sigma[:, None] * self.tail.squared_displacements)
-        )
+        slope = 2 * self.b[in_band:] / (tail.square_sigma[:, None] * tail.squares)
         J[U + np.arange(U * p), first + np.arange(U * p)] = slope.ravel()
         return J
 
@@ -203,7 +200,7 @@ def _root_slopes(L: Array, m: Index, n: Index) -> Array:
     rows, columns = _lower_indices(len(L))
     by_m = (m[:, None] == rows) * L[n][:, columns]
     by_n = (n[:, None] == rows) * L[m][:, columns]
-    return np.asarray(by_m + by_n, dtype=float)
+    return by_m + by_n
 
 
 def _lower_triangle(values: Array, size: int) -> Array:
@@ -225,52 +222,39 @@ def _lower_indices(size: int) -> tuple[Index, Index]:
 def expected_tail(modes: FittedModes, top: float) -> TailModes:
     """Expected modes above `top` [rad/s], whose spacings grow from those of the last modes."""
     in_band = modes.n_band
-    omega = modes.omega[:in_band]
-    last = slice(max(in_band - CONTINUED_MODE_COUNT, 0), in_band)
-    last_frequencies = np.append(0.0, omega)[-CONTINUED_MODE_COUNT - 1 :]
-    spacing = (
-        max(
-            float(last_frequencies[-1] - last_frequencies[0]) / max(len(last_frequencies) - 1, 1),
-            0.01 * top,
-        )
-        if in_band
-        else top
-    )
+    last = np.append(0.0, modes.omega[:in_band])[-CONTINUED_MODE_COUNT - 1 :]
+    count = len(last) - 1
+    spacing = max((last[-1] - last[0]) / count, 0.01 * top) if count else top
     rigid = modes.residual_root if modes.rigid is None else modes.rigid
     smallest_squares = np.sum(rigid**2, axis=1) * (top**2 if modes.rigid is None else 0.5)
-    mean = np.sum(modes.b[last] ** 2, axis=0) / max(min(in_band, CONTINUED_MODE_COUNT), 1)
-    b2 = np.maximum(mean, smallest_squares) + np.finfo(float).tiny
-    frequencies = [max((float(omega[-1]) if in_band else 0.0) + spacing, (1 + 2 * TAIL_GAP) * top)]
+    mean = np.sum(modes.b[in_band - count : in_band] ** 2, axis=0) / max(count, 1)
+    b2 = np.maximum(mean, smallest_squares) + float_info.min
+    frequencies = [max(last[-1] + spacing, (1 + 2 * TAIL_GAP) * top)]
     steps = []
     while frequencies[-1] < TAIL_TOP_RATIO * top or len(frequencies) < 3:
         steps.append(max(spacing, MIN_TAIL_SPACING * frequencies[-1]))
         frequencies.append(frequencies[-1] + steps[-1])
 
+    omega = np.array(frequencies)
     step = np.array([*steps, steps[-1]])
     merged = np.maximum(step / spacing, 1.0)
     doubt = np.sqrt(TAIL_SQUARE_SIGMA**2 / merged + MEAN_SQUARE_VARIANCE / max(in_band, 0.5))
-
-    return TailModes(
-        np.array(frequencies),
-        TAIL_FREQUENCY_SIGMA * step / np.array(frequencies),
-        merged[:, None] * b2,
-        doubt,
-    )
+    return TailModes(omega, TAIL_FREQUENCY_SIGMA * step / omega, merged[:, None] * b2, doubt)
 
 
 def with_tail(modes: FittedModes, tail: TailModes) -> FittedModes:
     """The body with a tail of expected size; the displacements of its modes have random signs."""
     in_band = modes.n_band
     U = len(tail.omega)
-    typical = float(np.median(modes.zeta[:in_band])) if in_band else TAIL_DAMPING
-    signs = np.random.default_rng(0).choice((-1.0, 1.0), tail.squared_displacements.shape)
+    typical = np.median(modes.zeta[:in_band]) if in_band else TAIL_DAMPING
+    signs = np.random.default_rng(0).choice((-1.0, 1.0), tail.squares.shape)
     signs[:, 0] = 1.0
 
     return replace(
         modes,
         omega=np.append(modes.omega[:in_band], tail.omega),
         zeta=np.append(modes.zeta[:in_band], np.full(U, typical)),
-        b=np.vstack((modes.b[:in_band], signs * np.sqrt(tail.squared_displacements))),
+        b=np.vstack((modes.b[:in_band], signs * np.sqrt(tail.squares))),
         tail=tail,
     )
 
@@ -281,20 +265,10 @@ def random_tail(tail: TailModes, top: float, random: np.random.Generator) -> Tai
     stretch = np.exp(SPACING_LOG_SIGMA * random.standard_normal())
     omega = top + stretch * (tail.omega - top)
     omega = omega * np.exp(tail.frequency_sigma * random.standard_normal(U))
-    b2 = (
-        stretch
-        * tail.squared_displacements
-        * np.abs(
-            1
-            + tail.square_sigma[:, None] * random.standard_normal(tail.squared_displacements.shape)
-        )
-    )
+    changes = tail.square_sigma[:, None] * random.standard_normal(tail.squares.shape)
+    squares = stretch * tail.squares * np.abs(1 + changes)
     omega = np.maximum(np.sort(omega), (1 + TAIL_GAP) * top)
-    return replace(
-        tail,
-        omega=omega,
-        squared_displacements=np.maximum(b2, MIN_TAIL_SQUARE * tail.squared_displacements),
-    )
+    return replace(tail, omega=omega, squares=np.maximum(squares, MIN_TAIL_SQUARE * tail.squares))
 
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
@@ -385,21 +359,18 @@ class FRF(ReprMixin):
 
         arrays: dict[str, Array] = {}
         for name in ("coherence", "sigma"):
-            if getattr(self, name) is not None:
-                arrays[name] = checks.read_only(
-                    checks.floats(name, getattr(self, name), shape)[nonzero]
-                )
+            if (given := getattr(self, name)) is not None:
+                arrays[name] = checks.read_only(checks.floats(name, given, shape)[nonzero])
 
-        if self.sigma is not None and np.any(arrays["sigma"] <= 0):
+        if np.any(arrays.get("sigma", 1.0) <= 0):
             raise InputError("sigma must be > 0: it is the standard deviation of each value.")
 
-        if self.coherence is not None:
-            gamma = arrays["coherence"]
-            if np.any((gamma < 0) | (gamma > 1 + COHERENCE_ROUNDING)):
-                raise InputError(
-                    f"coherence lies between 0 and 1; it ranges from {gamma.min():g} to"
-                    f" {gamma.max():g}."
-                )
+        gamma = arrays.get("coherence", np.zeros(1))
+        if np.any((gamma < 0) | (gamma > 1 + COHERENCE_ROUNDING)):
+            raise InputError(
+                f"coherence lies between 0 and 1; it ranges from {gamma.min():g} to"
+                f" {gamma.max():g}."
+            )
 
         if np.any(values[nonzero] == 0):
             raise InputError("values must not be 0 above 0 Hz: the measurement has dropouts.")
@@ -416,14 +387,11 @@ class FRF(ReprMixin):
 
     def _facts(self) -> list[tuple[str, str]]:
         f = self.frequency
-        facts = [
-            (self.quantity, f"{f.size} lines, {f[0]:.5g} to {f[-1]:.5g} Hz"),
-            ("sites", ", ".join(self.sites)),
-            (
-                "noise",
-                "sigma" if self.sigma is not None else "coherence" * (self.coherence is not None),
-            ),
-        ]
+        noise = "coherence" if self.coherence is not None else ""
+        if self.sigma is not None:
+            noise = "sigma"
+        lines = f"{f.size} lines, {f[0]:.5g} to {f[-1]:.5g} Hz"
+        facts = [(self.quantity, lines), ("sites", ", ".join(self.sites)), ("noise", noise)]
         return [(name, text) for name, text in facts if text]
 
     @property
@@ -442,10 +410,8 @@ class FRF(ReprMixin):
 
         # of a complex H1 estimate: (1 - gamma^2)/(gamma^2 n) of |H|^2 (Bendat and Piersol)
         gamma = np.clip(self.coherence, MIN_COHERENCE, 1 - 1e-8)
-
-        return np.asarray(
-            np.abs(self.values) / scale * np.sqrt((1 - gamma) / gamma / self.averages)
-        )
+        sigma = np.abs(self.values) / scale * np.sqrt((1 - gamma) / gamma / self.averages)
+        return sigma
 
     @property
     def pairs(self) -> SitePairs:
@@ -459,10 +425,8 @@ class FRF(ReprMixin):
     @property
     def _power(self) -> ComplexArray:
         """(iw)^power, with as many dimensions as `values`."""
-        iw = 2j * np.pi * self.frequency
-        return np.asarray(
-            (iw ** DERIVATIVE_ORDERS[self.quantity]).reshape(-1, *[1] * (self.values.ndim - 1))
-        )
+        power = (2j * np.pi * self.frequency) ** DERIVATIVE_ORDERS[self.quantity]
+        return power.reshape(-1, *[1] * (self.values.ndim - 1))
 
     def within(self, band: ArrayLike | None) -> FRF:
         """The lines within a band (low, high) [Hz]; InputError if it holds too few."""
@@ -479,9 +443,8 @@ class FRF(ReprMixin):
         in_band = (f >= low) & (f <= high)
         if np.count_nonzero(in_band) < MIN_FREQUENCY_LINES:
             raise InputError(
-                f"the band {low:g} to {high:g} Hz holds {np.count_nonzero(in_band)} of the "
-                "lines from"
-                f" {f[0]:g} to {f[-1]:g} Hz; {MIN_FREQUENCY_LINES} or more are needed."
+                f"the band {low:g} to {high:g} Hz holds {np.count_nonzero(in_band)} of the lines"
+                f" from {f[0]:g} to {f[-1]:g} Hz; {MIN_FREQUENCY_LINES} or more are needed."
             )
 
         return replace(
@@ -509,9 +472,8 @@ class FRF(ReprMixin):
         if isinstance(mass, Mapping):
             if unknown := sorted(set(map(str, mass)) - set(self.sites)):
                 raise InputError(f"sensor_mass names {checks.shown(unknown)}, no site.")
-            m = np.array(
-                [checks.nonnegative("sensor_mass", mass.get(s, 0.0), "kg") for s in self.sites]
-            )
+            masses = [mass.get(site, 0.0) for site in self.sites]
+            m = np.array([checks.nonnegative("sensor_mass", one, "kg") for one in masses])
         else:
             m = np.full(max(len(self.sites), 1), checks.nonnegative("sensor_mass", mass, "kg"))
 

@@ -39,8 +39,7 @@ class Column:
     values: Array
 
     def in_si(self, units: Mapping[str, float]) -> Array:
-        """The numbers in SI units, frequencies in Hz; InputError for units that `units` "
-        "does not have."""
+        """The numbers in SI units, frequencies in Hz; InputError for units not in `units`."""
         if not self.unit:
             return self.values
         if plain_unit(self.unit) not in units:
