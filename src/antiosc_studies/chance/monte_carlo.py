@@ -181,21 +181,21 @@ def monte_carlo(
     by_name = checked_inputs(inputs)
     levels = checked_levels(quantiles)
     size = checks.whole("n", n, most=MAX_RUNS)
-    inputs_drawn = input_draws(by_name, size, checks.whole("seed", seed, least=0))
-    arguments = [_run_arguments(by_name, inputs_drawn, i) for i in range(size)]
+    draws = input_draws(by_name, size, checks.whole("seed", seed, least=0))
+    columns = [[drawn_value(by_name[name], draw) for draw in draws[name]] for name in by_name]
+    arguments = [dict(zip(by_name, values, strict=True)) for values in zip(*columns, strict=True)]
     rows: list[RunResults] = []
 
     with counting("runs", size) as report:
         while len(rows) < size:
-            rows += rows_of_runs(
-                run, arguments[len(rows) :][: BATCH_SIZE if rows else MIN_RUNS_BEFORE_STOP]
-            )
+            count = BATCH_SIZE if rows else MIN_RUNS_BEFORE_STOP
+            rows += rows_of_runs(run, arguments[len(rows) :][:count])
             report(len(rows))
 
             if len(rows) == MIN_RUNS_BEFORE_STOP < size:
                 _refuse_if_all_failed(rows, size)
 
-    sample = sample_of_runs("runs", inputs_drawn, rows)
+    sample = sample_of_runs("runs", draws, rows)
     return replace(sample, quantiles=levels)
 
 
@@ -206,13 +206,6 @@ def _refuse_if_all_failed(first: list[RunResults], size: int) -> None:
             f"the first {len(first)} of {size} runs failed alike, and the others were not begun:"
             f" {first[0]}"
         )
-
-
-def _run_arguments(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> dict[str, Any]:
-    """The arguments of run `i` by name."""
-    return {
-        name: drawn_value(distribution, drawn[name][i]) for name, distribution in inputs.items()
-    }
 
 
 def rows_of_runs(run: Callable[..., Any], arguments: list[dict[str, Any]]) -> list[RunResults]:
@@ -232,8 +225,8 @@ def rows_of_runs(run: Callable[..., Any], arguments: list[dict[str, Any]]) -> li
             else:
                 rows[i] = _results_of(outcome)
         if scenes:
-            rows_of_scenes = _batch_results(list(scenes.values()))
-            for i, row in zip(scenes, rows_of_scenes, strict=True):
+            results = _batch_results(list(scenes.values()))
+            for i, row in zip(scenes, results, strict=True):
                 rows[i] = row
 
     return rows
@@ -258,11 +251,10 @@ def _batch_results(scenes: list[tuple[object, ...]]) -> list[RunResults]:
 
 def _results_of(outcome: object) -> RunResults:
     """The results of one run by name."""
+    if all(hasattr(outcome, name) for name in IMPACT_QUANTITIES):
+        outcome = {name: getattr(outcome, name) for name in IMPACT_QUANTITIES}
     if isinstance(outcome, Mapping):
         return {str(name): _result_number(str(name), value) for name, value in outcome.items()}
-    if all(hasattr(outcome, name) for name in IMPACT_QUANTITIES):
-        values = {name: getattr(outcome, name) for name in IMPACT_QUANTITIES}
-        return {name: np.nan if v is None else float(v) for name, v in values.items()}
     return {"value": _result_number("what `run` returns", outcome)}
 
 
@@ -283,9 +275,7 @@ def sample_of_runs(what: str, drawn: dict[str, Array], rows: list[RunResults]) -
         first = next(iter(failed.values()))
         warn(f"{told} (see .failures); the first one: {first}", AccuracyWarning)
 
-    names = list(dict.fromkeys(name for row in rows if not isinstance(row, str) for name in row))
-    values = {
-        name: np.array([np.nan if isinstance(r, str) else r.get(name, np.nan) for r in rows])
-        for name in names
-    }
+    results = [{} if isinstance(row, str) else row for row in rows]
+    names = dict.fromkeys(name for row in results for name in row)
+    values = {name: np.array([row.get(name, np.nan) for row in results]) for name in names}
     return Many(values, failed, drawn, what=what)

@@ -75,7 +75,7 @@ def goal_of(
     base : assembly whose run shows when the peak ends, that of `hit` or of a changed model;
     contact, time : as for `gradient`.
     """
-    until = float(hit.run.time[-1])
+    until = hit.run.time[-1]
     if callable(goal) and not isinstance(goal, type):
         name = str(getattr(goal, "__name__", "goal"))
         return Goal(name, until, lambda run: checks.number("the goal", goal(run)))
@@ -83,9 +83,8 @@ def goal_of(
     name = checks.choice("goal", goal, GOAL_NAMES)
     if (name in TIMED_GOALS) != (time is not None):
         raise InputError(
-            f"give time= [s] with the goals {' and '.join(TIMED_GOALS)}, and with no other; "
-            "the goal is"
-            f" {name}, time = {checks.shown(time)}."
+            f"give time= [s] with the goals {' and '.join(TIMED_GOALS)}, and with no other; the"
+            f" goal is {name}, time = {checks.shown(time)}."
         )
 
     c = _contact_number(hit, contact)
@@ -104,11 +103,14 @@ def goal_of(
     if not 0 <= t[0] <= until:
         raise InputError(f"time must lie within the run, 0 <= time <= {until:g} s; got {t[0]:g}.")
     until = min(max(t[0], 1e-3 * until), until)
-    if name == "force":
-        return Goal(
-            name, until, lambda run: float(contact_forces(run.run, *steps_at(run.run, t))[0, c])
-        )
-    return Goal(name, until, lambda run: float(_end_displacement(run, end, t)[0]))
+
+    def force(run: History) -> float:
+        return float(contact_forces(run.run, *steps_at(run.run, t))[0, c])
+
+    def displacement(run: History) -> float:
+        return float(_end_displacement(run, end, t)[0])
+
+    return Goal(name, until, force if name == "force" else displacement)
 
 
 def _contact_number(hit: History, contact: tuple[str, str] | None) -> int:
@@ -134,13 +136,11 @@ def _contact_goal(hit: History, c: int, name: str) -> float:
 
 
 def _release_after_peak(hit: History, c: int) -> float:
-    """Time [s] of the release after the largest force.
-
-    NotDifferentiableError if two peaks are equally large.
-    """
+    """Time [s] of the release after the largest force; NotDifferentiableError if two are equal."""
     run = hit.run
     steps = np.arange(run.time.size // 2)
-    tops = library.pulses(run.time, run.force, c, np.stack([steps, steps + 1], axis=1))[:, 1]
+    spans = np.stack([steps, steps + 1], axis=1)
+    tops = library.pulses(run.time, run.force, c, spans)[:, 1]
     near = np.flatnonzero(tops >= (1 - EQUAL_PEAKS) * tops.max())
 
     if near[-1] - near[0] >= near.size:
@@ -163,6 +163,7 @@ def _largest_displacement(hit: History, end: str) -> float:
     t = np.linspace(0.0, hit.run.time[-1], DISPLACEMENT_TIME_COUNT)
     for _ in range(1 + TIME_REFINEMENTS):
         size = np.abs(_end_displacement(hit, end, t))
-        best = int(np.argmax(size))
-        t = np.linspace(t[max(best - 1, 0)], t[min(best + 1, t.size - 1)], 17)
+        best = np.argmax(size)
+        near = t[max(best - 1, 0) : best + 2]
+        t = np.linspace(near[0], near[-1], 17)
     return float(size[best])

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -93,10 +94,8 @@ class Gradient(CompletedResult):
     def numbers(self) -> dict[str, object]:
         """The value and its derivatives: name -> JSON value."""
         contacts = {" - ".join(ends): tree for ends, tree in self.contacts.items()}
-        slopes = {
-            name: mapped_leaves(lambda v: np.asarray(v).tolist(), tree)
-            for name, tree in {**self.bodies, **contacts}.items()
-        }
+        trees = {**self.bodies, **contacts}
+        slopes = mapped_leaves(lambda v: np.asarray(v).tolist(), trees)
         return {**super().numbers(), "derivatives": slopes}
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
@@ -121,9 +120,8 @@ class Gradient(CompletedResult):
         facts = [(self.goal, f"{self.value:.6g}")]
         for slopes in (*self.contacts.values(), *self.bodies.values()):
             texts = {name: value_text(slope) for name, slope in slopes.items()}
-            facts.append(
-                ("d/d", ", ".join(f"{name} {text}" for name, text in texts.items() if text))
-            )
+            told = [f"{name} {text}" for name, text in texts.items() if text]
+            facts.append(("d/d", ", ".join(told)))
         return facts
 
 
@@ -195,33 +193,25 @@ def gradient(
     if x is not None and (part is None or not callable(part)):
         raise InputError("x is for a part that is a function of x: give part=, or leave out x.")
 
-    turns = [None, *(_model_changes(hit) if error is not None else [])]
-    all_struck = [VariableImpact(hit, turn) for turn in turns]
+    changes = [None, *(_model_changes(hit) if error is not None else [])]
+    impacts = [VariableImpact(hit, change) for change in changes]
     models = None
     if part is not None:
         from antiosc_studies.gradients.of_part import PartModels  # loads dolfinx
 
         models = PartModels(part, x, hit)
 
-    goals = [goal_of(goal, hit, struck.base, contact, time) for struck in all_struck]
-    slopes = [_slopes_of_goal(*pair, models) for pair in zip(all_struck, goals, strict=True)]
-    bodies, contacts = zip(*slopes, strict=True)
+    goals = [goal_of(goal, hit, impact.base, contact, time) for impact in impacts]
+    slopes = [_slopes_of_goal(*pair, models) for pair in zip(impacts, goals, strict=True)]
+    all_slopes = list(zip(*slopes, strict=True))  # of bodies, and of contacts
 
     asked = goals[0]
     value = asked.value_of(hit)
-    off = abs(
-        run_for_goal(asked, all_struck[0].base, DIFFERENCE_TOL).goal - value
-    ) + DIFFERENCE_TOL * abs(value)
-    bars = Gradient(
-        asked.name,
-        off,
-        mapped_leaves(_derivative_bar, *bodies),
-        mapped_leaves(_derivative_bar, *contacts),
-    )
-    bodies, contacts = (
-        mapped_leaves(lambda slope, *_: slope.value, *trees) for trees in (bodies, contacts)
-    )
-    return Gradient(asked.name, value, bodies, contacts, bars)
+    fine = run_for_goal(asked, impacts[0].base, DIFFERENCE_TOL).goal
+    off = abs(fine - value) + DIFFERENCE_TOL * abs(value)
+    bodies, contacts = (mapped_leaves(attrgetter("value"), trees[0]) for trees in all_slopes)
+    bars = (mapped_leaves(_derivative_bar, *trees) for trees in all_slopes)
+    return Gradient(asked.name, value, bodies, contacts, Gradient(asked.name, off, *bars))
 
 
 def _model_changes(hit: History) -> list[ModelChange]:
@@ -246,50 +236,44 @@ class SlopeWithError(NamedTuple):
 
 
 def _slopes_of_goal(
-    variable_impact: VariableImpact, goal: Goal, part_models: Any
+    impact: VariableImpact, goal: Goal, models: Any
 ) -> tuple[ParameterTree, dict[Any, ParameterTree]]:
     """Slopes of a goal: (body -> {parameter: slope}, ends of a contact -> {parameter: slope}).
 
     models : the extracted models of `gradients.of_part`, or None.
     """
-    derive = _slope_function(goal, variable_impact.base)
-    bodies = {
-        name: mapped_leaves(derive, numbers_of_body(variable_impact, name))
-        for name in variable_impact.scene.bodies
-    }
-    if part_models is not None:
-        again = _slope_function(goal, part_models.assembly_again(variable_impact))
-        bodies[part_models.name] |= mapped_leaves(
-            again, part_models.numbers_of_part(variable_impact)
-        )
+    derive = _slope_function(goal, impact.base)
+    numbers = {name: numbers_of_body(impact, name) for name in impact.scene.bodies}
+    bodies = mapped_leaves(derive, numbers)
+    if models is not None:
+        again = _slope_function(goal, models.assembly_again(impact))
+        bodies[models.name] |= mapped_leaves(again, models.numbers_of_part(impact))
 
     contacts = {
-        (contact.a, contact.b): mapped_leaves(derive, numbers_of_contact(variable_impact, i))
-        for i, contact in enumerate(variable_impact.scene.contacts)
+        (contact.a, contact.b): numbers_of_contact(impact, i)
+        for i, contact in enumerate(impact.scene.contacts)
     }
-    return {name: tree for name, tree in bodies.items() if tree}, contacts
+    bodies = {name: tree for name, tree in bodies.items() if tree}
+    return bodies, mapped_leaves(derive, contacts)
 
 
 def _slope_function(goal: Goal, base: Assembly) -> Callable[[VariableNumber], SlopeWithError]:
     """A function that returns the slope of the goal by a `VariableNumber`."""
-    fine, coarse = (
-        run_for_goal(goal, base, tol)
-        for tol in (DIFFERENCE_TOL, COARSE_TOL_FACTOR * DIFFERENCE_TOL)
-    )
+    coarse_tol = COARSE_TOL_FACTOR * DIFFERENCE_TOL
+    fine = run_for_goal(goal, base, DIFFERENCE_TOL)
+    coarse = run_for_goal(goal, base, coarse_tol)
 
     def derive(number: VariableNumber) -> SlopeWithError:
         for step in RELATIVE_STEPS:
             h = step * number.step_scale
             slope = _difference_quotient(number, h, goal, fine, DIFFERENCE_TOL)
-            other = _difference_quotient(
-                number, COARSE_STEP_FACTOR * h, goal, coarse, COARSE_TOL_FACTOR * DIFFERENCE_TOL
-            )
+            other = _difference_quotient(number, COARSE_STEP_FACTOR * h, goal, coarse, coarse_tol)
             if slope is not None and other is not None:
                 least = MIN_RELATIVE_ERROR * abs(fine.goal) / number.step_scale
-                richardson = (
-                    (slope - other) / (COARSE_STEP_FACTOR**2 - 1) if number.extrapolates else 0.0
-                )
-                return SlopeWithError(slope + richardson, abs(slope - other) + least)
+                error = abs(slope - other) + least
+                if number.extrapolates:  # Richardson
+                    slope += (slope - other) / (COARSE_STEP_FACTOR**2 - 1)
+                return SlopeWithError(slope, error)
 
         raise NotDifferentiableError(
             f"a touch appears or vanishes where the number {number.value:g} of the impact changes"

@@ -36,27 +36,23 @@ NumberTree = dict[str, Any]
 class VariableNumber:
     """A number that an impact depends on."""
 
-    value: float  # its value
+    value: float
     step_scale: float  # what steps of it are relative to, > 0
-    assembly_with: Callable[
-        [float], Assembly
-    ]  # function of another value that returns the impact with it
-    extrapolates: bool = (
-        False  # whether steps are so long that the differences of two are extrapolated
-    )
+    assembly_with: Callable[[float], Assembly]  # the impact with another value
+    extrapolates: bool = False  # steps are so long that the differences of two are extrapolated
 
 
 def mapped_leaves(function: Callable[..., Any], first_tree: Any, *other_trees: Any) -> Any:
     """Apply `function` to the leaves at each place of several trees (nested dicts and lists)."""
+    trees = (first_tree, *other_trees)
     if isinstance(first_tree, dict):
         return {
-            name: mapped_leaves(function, value, *(tree[name] for tree in other_trees))
-            for name, value in first_tree.items()
+            name: mapped_leaves(function, *(tree[name] for tree in trees)) for name in first_tree
         }
     if isinstance(first_tree, list):
-        made = [mapped_leaves(function, *row) for row in zip(first_tree, *other_trees, strict=True)]
+        made = [mapped_leaves(function, *row) for row in zip(*trees, strict=True)]
         return np.array(made) if all(isinstance(one, float) for one in made) else made
-    return None if first_tree is None else function(first_tree, *other_trees)
+    return None if first_tree is None else function(*trees)
 
 
 def relative_number(value: float, assembly_with: Callable[[float], Assembly]) -> VariableNumber:
@@ -67,7 +63,7 @@ def relative_number(value: float, assembly_with: Callable[[float], Assembly]) ->
 class VariableImpact:
     """The bodies and contacts of a run, which can be exchanged.
 
-    turn : function that changes the model "structure" before every run; None: it stays.
+    change_model : function that changes the model "structure" before every run; None: it stays.
     """
 
     def __init__(self, hit: History, change_model: ModelChange | None = None) -> None:
@@ -78,8 +74,8 @@ class VariableImpact:
                 " linear bodies; extract it with stretch=False."
             )
         self.scene = hit.assembly.scene
-        self.end = float(hit.run.time[-1])
-        self.turn = change_model
+        self.end = hit.run.time[-1]
+        self.change_model = change_model
         self._pair: Impact | None = getattr(hit.source, "impact", None)
         self.base = self.assembly_with()
 
@@ -98,8 +94,8 @@ class VariableImpact:
         scene = self.scene
         all_bodies = {**scene.bodies, **(bodies or {})}
         all_contacts = [(contacts or {}).get(i, c) for i, c in enumerate(scene.contacts)]
-        if self.turn is not None:
-            all_bodies["structure"] = self.turn(all_bodies["structure"])
+        if self.change_model is not None:
+            all_bodies["structure"] = self.change_model(all_bodies["structure"])
 
         refuse_stretch(all_bodies)
         if self._pair is None:
@@ -110,10 +106,8 @@ class VariableImpact:
             model, impactor = all_bodies.values()
             (contact,) = all_contacts
             start = (starts or {}).get("structure", self._pair.initial_velocity)
-            pair = Impact(
-                model, impactor, contact.law, self.end, start, self._pair.gravity, contact.gap
-            )
-            assembly = assemble_pair(pair)
+            moved = self.end, start, self._pair.gravity, contact.gap
+            assembly = assemble_pair(Impact(model, impactor, contact.law, *moved))
         set_initial_forces(assembly.system, assembly.scene.preload)
         return assembly
 
@@ -135,23 +129,24 @@ def numbers_of_body(impact: VariableImpact, name: str) -> NumberTree:
     def with_body(other: Any) -> Assembly:
         return impact.assembly_with({name: replace(body, body=other) if is_impactor else other})
 
+    def with_mass(m: float) -> Assembly:
+        return with_body(RigidMass(m, inner.velocity))
+
     def with_speed(v: float) -> Assembly:
         sphere = isinstance(body, Sphere)
-        return impact.assembly_with(
-            {name: RigidMass(body.mass, v) if sphere else replace(body, velocity=v)}
-        )
+        moved = RigidMass(body.mass, v) if sphere else replace(body, velocity=v)
+        return impact.assembly_with({name: moved})
+
+    def with_start(v: float) -> Assembly:
+        return impact.assembly_with(starts={name: v})
 
     numbers: NumberTree = {}
     if isinstance(inner, RigidMass | Sphere):
-        numbers["mass"] = relative_number(
-            inner.mass, lambda m: with_body(RigidMass(m, inner.velocity))
-        )
+        numbers["mass"] = relative_number(inner.mass, with_mass)
     elif isinstance(inner, AntiOscillators) and not inner.sites:
         numbers |= _numbers_of_model(inner, with_body)
         if start := impact.initial_speed(name):
-            numbers["initial_velocity"] = relative_number(
-                start, lambda v: impact.assembly_with(starts={name: v})
-            )
+            numbers["initial_velocity"] = relative_number(start, with_start)
     else:
         return {}
 
@@ -180,10 +175,8 @@ def _numbers_of_model(
         value = float(getattr(light, name))
         numbers[name] = relative_number(value, partial(with_field, name)) if value > 0 else None
     for name in ("m", "omega"):
-        entries = getattr(light, name).tolist()
-        numbers[name] = [
-            relative_number(x, partial(with_entry, name, i)) for i, x in enumerate(entries)
-        ]
+        entries = enumerate(getattr(light, name).tolist())
+        numbers[name] = [relative_number(x, partial(with_entry, name, i)) for i, x in entries]
 
     damping = model.damping
     if isinstance(damping, DampingMatrix):
@@ -216,7 +209,7 @@ def numbers_of_contact(impact: VariableImpact, i: int) -> NumberTree:
 
     ends = (impact.base.bodies[end.partition(":")[0]] for end in (contact.a, contact.b))
     gap = sum(body.gap for body in ends) if contact.gap is None else contact.gap
-    size = max(abs(gap), float(impact.base.system.depth[i]))
+    size = max(abs(gap), impact.base.system.depth[i])
     numbers["gap"] = VariableNumber(gap, size, partial(with_field, "gap"))
     for name in ("friction", "tangential_stiffness"):
         value = getattr(contact, name)

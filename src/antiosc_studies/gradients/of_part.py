@@ -52,9 +52,8 @@ class PartModels:
                 raise InputError("part is a function of x: give the x at which the run was made.")
             x = checks.column("x", x)
             built = part(x)
-            self._tree = {
-                "x": self._inputs_of_function(part, x, isinstance(built, AntiOscillators))
-            }
+            fine = isinstance(built, AntiOscillators)
+            self._tree = {"x": self._inputs_of_function(part, x, fine)}
 
         self._middle: AntiOscillators = self._extracted_again(built)
         off = np.abs(self._middle.m_st - self._model.m_st).max()
@@ -70,14 +69,15 @@ class PartModels:
     def numbers_of_part(self, impact: VariableImpact) -> NumberTree:
         """The numbers of the part by name, each with the impact on the part that it changes."""
 
-        def posed(one: VariedInput) -> VariableNumber:
-            value, size, model = one
-            wide = size > abs(value)
-            return VariableNumber(
-                value, size, lambda v: impact.assembly_with({self.name: model(v)}), wide
-            )
+        def number(varied: VariedInput) -> VariableNumber:
+            value, size, model = varied
 
-        return mapped_leaves(posed, self._tree)  # type: ignore[no-any-return]
+            def assembly_with(changed: float) -> Assembly:
+                return impact.assembly_with({self.name: model(changed)})
+
+            return VariableNumber(value, size, assembly_with, extrapolates=size > abs(value))
+
+        return mapped_leaves(number, self._tree)  # type: ignore[no-any-return]
 
     def _inputs_of_function(
         self, part: Callable[..., object], x: Any, fine: bool
@@ -112,11 +112,8 @@ class PartModels:
         tree: NumberTree = {}
         for group, material in groups.items():
             for name, value in material_numbers(material).items():
-                varied = (
-                    value,
-                    INPUT_STEP_SCALE * abs(value),
-                    cache(partial(model_of, group, name)),
-                )
+                size = INPUT_STEP_SCALE * abs(value)
+                varied = value, size, cache(partial(model_of, group, name))
                 if several:
                     tree.setdefault(name, {})[group] = varied
                 else:
@@ -160,12 +157,10 @@ def model_name(hit: History) -> str:
 
 def material_numbers(material: Any) -> dict[str, float]:
     """The numbers of a material on which K and M depend, by name."""
-    unused_names = (
-        UNUSED_MATERIAL_NUMBERS
-        if getattr(material, "plane", "") is not None
-        else UNUSED_MATERIAL_NUMBERS | {"thickness"}
-    )
-    names = {item.name for item in fields(material) if item.init} - unused_names
+    unused = UNUSED_MATERIAL_NUMBERS
+    if getattr(material, "plane", "") is None:
+        unused = unused | {"thickness"}
+    names = {item.name for item in fields(material) if item.init} - unused
     values = {name: getattr(material, name) for name in sorted(names)}
     return {name: value for name, value in values.items() if value and isinstance(value, float)}
 

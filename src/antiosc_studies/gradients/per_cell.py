@@ -166,9 +166,8 @@ def design_map(
         if change:
             shares, axes = np.linalg.eigh(size[:, None] * matrix * size)
             vectors = model.shapes @ (axes / size[:, None])
-            relative += compat.cell_energies(
-                change, meshed.form.space, vectors, shares, QUADRATURE_DEGREE
-            )
+            space = meshed.form.space
+            relative += compat.cell_energies(change, space, vectors, shares, QUADRATURE_DEGREE)
 
     value = np.array(by_cell)[meshed.part_of_cells()[: relative.size]]
     per_mass = np.where(np.isfinite(value), relative / _cell_masses(meshed), np.nan)
@@ -179,10 +178,10 @@ def _derivative_forms(
     part: Structure, meshed: MeshedStructure, by: str
 ) -> tuple[Sequence[ufl.Form], Sequence[ufl.Form]]:
     """UFL forms of the derivatives of K and M by a relative change of the parameter `by`."""
-    if by != "thickness":  # to which they are proportional
-        if by == "E":
-            return (meshed.form.stiffness, [])
-        return ([], meshed.form.mass)
+    if by == "E":  # to which they are proportional
+        return meshed.form.stiffness, []
+    if by == "rho":
+        return [], meshed.form.mass
 
     assert part.made_of is not None
     K = []
@@ -203,8 +202,6 @@ def _derivative_forms(
 
 def _cell_masses(meshed: MeshedStructure) -> Array:
     """Mass [kg] of each cell of this rank."""
-    cell = compat.cellwise_function(meshed.mesh.dolfinx)
-    q = ufl.TestFunction(cell.function_space)
-    return compat.assemble_functional(
-        meshed.form.density * q * measure(meshed.mesh, 5), cell.function_space
-    )
+    space = compat.cellwise_function(meshed.mesh.dolfinx).function_space
+    mass = meshed.form.density * ufl.TestFunction(space) * measure(meshed.mesh, 5)
+    return compat.assemble_functional(mass, space)
