@@ -72,7 +72,7 @@ def main(
             "deflection": moved,
             "linear": float(np.abs(linear.displacement).max()),
             "ratio": moved / thickness,
-            "modes": sum(one.size for one in hit.assembly.stretched.values()),
+            "modes": sum(one.size for one in hit.assembly.stretch_forces.values()),
             "left": max(hit.error_budget[each].stretch for each in ("peak_force", "impulse")),
             "dent": None if hit.dent is None else hit.dent.depth,
             "told": float("explicit finite element" in hit.message),

@@ -115,10 +115,10 @@ def test_a_bar_below_the_difference_covers_it(peak, bar):
         return ComputedMember(SimpleNamespace(hit=hit), SITE, replace(some((1.0, own)).table[0]))
 
     finest = member(1.0, 0.002)
-    one = member(peak, 0.005).beside(finest)
+    one = member(peak, 0.005).compared_with(finest)
     assert one.difference == pytest.approx(1 - peak)
     assert one.bar == pytest.approx(bar)
-    assert repr(finest.beside(finest)) == repr(finest.member)  # it has NaN
+    assert repr(finest.compared_with(finest)) == repr(finest.member)  # it has NaN
 
 
 @pytest.mark.slow

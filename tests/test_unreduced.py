@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.strikes.unreduced import curve_numbers, run_newmark, unreduced_impact
+from antiosc.strikes.unreduced import curve_results, run_newmark, unreduced_impact
 from parts import STEEL, box, plate
 from sheets import at, rectangle
 
@@ -60,7 +60,7 @@ def test_the_force_is_that_of_many_anti_oscillators(name):
     curve = run_newmark(replace(blow, step=blow.step / 4)).curve
     true = hit.force_at(np.minimum(curve.time, duration))
     assert np.linalg.norm(curve.force - true) <= 3e-3 * np.linalg.norm(true)
-    found = curve_numbers(curve)
+    found = curve_results(curve)
     for quantity in ("peak_force", "impulse", "contact_time"):
         assert getattr(found, quantity) == pytest.approx(getattr(hit, quantity), rel=5e-4)
 

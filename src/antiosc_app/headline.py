@@ -83,7 +83,7 @@ def caution_of_impact(hit: History, budget: ErrorBudget | None) -> str:
     cautions = []
     if not isinstance(hit, SceneHistory):
         cautions += [
-            hit.assembly.hopeless,
+            hit.assembly.beyond_theory,
             piercing_warning(hit.model, hit.impactor),
             hit.unfinished,
         ]

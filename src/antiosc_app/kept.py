@@ -25,7 +25,7 @@ MAX_KEPT_RESULTS = {
 
 
 class ResultCache(OrderedDict[str, T]):
-    """A cache of the `most` results used last; keys are texts of their inputs."""
+    """A cache of the `max_results` results used last; keys are texts of their inputs."""
 
     def __init__(self, max_results: int) -> None:
         super().__init__()
@@ -85,7 +85,7 @@ def cache_key(value: object) -> object:
 
 
 class CachedEvaluation(Evaluation):
-    """An evaluation of a document's calls that uses the cache `kept`."""
+    """An evaluation of a document's calls that uses a cache."""
 
     def __init__(self, cache: PartCache, document: Document) -> None:
         super().__init__(document)

@@ -124,10 +124,10 @@ def impact_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
         return None
     system = hit.assembly.system
     law = hit.assembly.laws[0]
-    if not is_compiled(law) or system.breaks.size > 1 or system.pressed.any():
+    if not is_compiled(law) or system.breaks.size > 1 or system.start_forces.any():
         return None
     # the page has uncoupled modes and linear strikers only
-    if system.first is not None or "impactor" in hit.assembly.stretched:
+    if system.first is not None or "impactor" in hit.assembly.stretch_forces:
         return None
     body = hit.assembly.bodies["structure"]
     striker = hit.assembly.bodies["impactor"]
@@ -137,7 +137,7 @@ def impact_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
     local = law.compliance
     speed = abs(float(system.beta[0] @ system.v))
     common_data = impact_data(
-        law, modal_data(striker.modes, striker.start, loads[1]), hit.impactor, speed
+        law, modal_data(striker.modes, striker.start_velocities, loads[1]), hit.impactor, speed
     )
     return {
         **common_data,
@@ -145,7 +145,7 @@ def impact_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
         "gap": float(system.offsets[0, 0]),
         "duration": float(hit.run.time[-1]),
         "body": {
-            **modal_data(body.modes, body.start, loads[0], local),
+            **modal_data(body.modes, body.start_velocities, loads[0], local),
             "stretch": _second_order_forces(hit),
         },
         "computed": _computed_data(hit, bars),
@@ -210,7 +210,7 @@ def modal_data(
 
 def _second_order_forces(hit: History) -> Data | None:
     """Second-order forces of the structure as flat arrays for the page; None if it is linear."""
-    stretching = hit.assembly.stretched.get("structure")
+    stretching = hit.assembly.stretch_forces.get("structure")
     system = hit.assembly.system
     if stretching is None:
         return None

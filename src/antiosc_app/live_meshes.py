@@ -81,7 +81,7 @@ def part_data(structure: Structure, hit: History) -> Data | None:
 def geometry_data(points: Array, faces: IntArray) -> Data:
     """Points (P, 3) [m] and faces for the page.
 
-    Coordinates are `middle` + `half` * integer / LARGEST_INTEGER [m].
+    Coordinates are `middle` + `half` * integer / MAX_INTEGER [m].
     """
     low = points.min(axis=0)
     high = points.max(axis=0)
@@ -198,7 +198,7 @@ def _field_coordinates(hit: History, times: Array) -> Array:
     """
     q, _ = hit.states(times)
     q = q[:, hit.assembly.spans["structure"]]
-    forces = hit.assembly.stretched.get("structure")
+    forces = hit.assembly.stretch_forces.get("structure")
     pairs = [] if forces is None else [forces.pairs(q @ forces.modes)]
     return np.column_stack([q, hit.force_at(times), *pairs])
 
@@ -209,7 +209,7 @@ def _shape_factors(hit: History) -> Array:
     size = body.omega.size
     q, force = np.split(np.eye(size + 1), [size], axis=1)
     factors = np.asarray(body.amplitudes(body.coordinates(q, force))).T
-    forces = hit.assembly.stretched.get("structure")
+    forces = hit.assembly.stretch_forces.get("structure")
     count = 0 if forces is None else forces.size * (forces.size + 1) // 2
     return block_diag(factors, np.eye(count))
 

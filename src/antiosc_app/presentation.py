@@ -72,7 +72,7 @@ def chart_picture(heading: str, caption: str, draw_axes: Callable[[Axes], object
 
 
 def draw_curves(series: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None:
-    """Draw at most MOST_CURVES curves (name, times [s], values) into `ax`; `y`: its label."""
+    """Draw at most MAX_CURVES curves (name, times [s], values) into `ax`; `y`: its label."""
     for name, time, values in islice(series, MAX_CURVES):
         ax.plot(1e3 * time, values, lw=1.2, label=escaped_name(name))
     ax.set_xlabel("time (ms)")
@@ -106,7 +106,7 @@ def format_rows(rows: Rows) -> str:
 
 
 def format_columns(table: Columns) -> str:
-    """A table as text with prefixed units; of a long one the first PRINTED_ROWS rows."""
+    """A table as text with prefixed units; of a long one the first MAX_PRINTED_ROWS rows."""
     columns = with_unit_prefixes(table)
     rows = list(zip(*columns.values(), strict=True))
     cells = [

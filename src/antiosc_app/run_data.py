@@ -264,7 +264,7 @@ def run_of_scene(
     span = float(span)  # its repr is that of C
     options = (
         MAX_RUN_RATIO * span,
-        converged.share,
+        converged.step_tol,
         0.0,
         0.0,
         assembly.contact_time_estimate / TOUCH_RESOLUTION,
@@ -369,7 +369,7 @@ def _initial_speeds(assembly: Assembly, without_body: bool) -> tuple[list[Variab
         if speed == 0.0 or name in assembly.scene.motion:
             continue
         row = np.zeros(assembly.system.omega.size)
-        row[assembly.spans[name]] = body.start / speed
+        row[assembly.spans[name]] = body.start_velocities / speed
         rows.append(row)
         variable_name = "initial_velocity" if without_body else f"{name}.initial_velocity"
         variables.append(Variable(variable_name, "m/s", f"velocity of {name} at the start", speed))

@@ -102,7 +102,7 @@ def test_the_page_has_the_membrane_stress_of_a_sheet_that_stretches():
     peak = ao.peak_field(part, hit).largest(1)[0][0]
     assert largest_stress(data, hit) == pytest.approx(peak, rel=0.05)
     t = 1e-3
-    taken = hit.assembly.stretched["structure"]
+    taken = hit.assembly.stretch_forces["structure"]
     q = hit.states([t])[0][0, hit.assembly.spans["structure"]]
     x = np.concatenate([q, hit.force_at([t]), taken.pairs((q @ taken.modes)[None])[0]])
     motion = data["motion"]

@@ -543,7 +543,7 @@ def test_a_scene_chooses_second_order_forces_itself(tmp_path):
     assert swept.peak_force[0] == alone.peak_force[0]
     slow = BLOW.replace("velocity = 1.5", "velocity = 0.01")
     small = objects(written(tmp_path, SHEET + slow), "run")
-    assert not small.history.assembly.stretched
+    assert not small.history.assembly.stretch_forces
     assert small.model.stretch is None
 
 

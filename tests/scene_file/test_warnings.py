@@ -47,7 +47,7 @@ def test_the_force_is_off_by_no_more_than_is_told_for_too_few_second_order_modes
     with warnings_to(messages.append):
         hit = ao.simulate(model, striker, ao.Hertz(1e7), 1e-2)
     (told,) = (message for message in messages if message.startswith("Second-order forces"))
-    motions = next(iter(hit.assembly.stretched.values())).size
+    motions = next(iter(hit.assembly.stretch_forces.values())).size
     assert f"those of {motions} motions" in told
     assert f"second-order forces of {motions} motions" in hit.summary()
     off = abs(hit.peak_force / exact - 1)

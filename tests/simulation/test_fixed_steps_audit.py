@@ -102,8 +102,8 @@ def check_forces(n: Nodes) -> None:
     made, run, s = n.made, n.run, n.made.system
     t, touched = run.time[::2], 0
     for c, law in enumerate(made.laws):
-        state: State | None = law.touch(0.0) if s.pressed[c] > 0 else None
-        closed, scale = bool(s.pressed[c] > 0), max(n.force[:, c].max(), n.mean[:, c].max())
+        state: State | None = law.touch(0.0) if s.start_forces[c] > 0 else None
+        closed, scale = bool(s.start_forces[c] > 0), max(n.force[:, c].max(), n.mean[:, c].max())
         events = run.events[run.events[:, 1] == c]
         for k in range(len(n.h)):
             within = events[(events[:, 0] > t[k]) & (events[:, 0] <= t[k + 1])]
@@ -125,4 +125,4 @@ def check_forces(n: Nodes) -> None:
             state = law.advance(delta, rate, state)
             if any(piece == 0 for _, _, piece, _ in within):
                 closed = False
-    assert touched or s.pressed.any()
+    assert touched or s.start_forces.any()

@@ -87,7 +87,7 @@ def test_energies_are_the_integrals_of_their_powers(name: str) -> None:
         stored += [law.energy(float(depth), law.touch(1.0)) for depth in hit.run.depth[:, c]]
         first, count = system.tangents[c]
         rubs = np.sum(hit.run.force[:, first : first + count] ** 2, axis=1)
-        stored += rubs / 2 / (system.slip[c, 1] or 1.0)
+        stored += rubs / 2 / (system.friction[c, 1] or 1.0)
     np.testing.assert_allclose(energy.contact, stored, rtol=0, atol=1e-9 * highest)
 
 

@@ -167,7 +167,7 @@ def test_sweeps_and_newtons_method_agree(
     runs = []
     for compiled in (built(), built("SWEEPS=0")):
         monkeypatch.setattr(library, "library", compiled)
-        monkeypatch.setattr(march, "_stored_spaces", [])
+        monkeypatch.setattr(march, "_stored_workspaces", [])
         runs.append(run(made.system, duration / 2, 1e-3, fine=made.contact_time_estimate / 200))
     a, b = runs
     assert a.touches > 0

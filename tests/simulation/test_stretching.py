@@ -77,7 +77,7 @@ def test_a_plate_that_hardly_moves_is_linear_to_the_last_bit():
     slow = ao.RigidMass(0.3, velocity=1e-4)
     hit = ao.simulate(model("auto"), slow, LAW, DURATION)
     linear = ao.simulate(replace(model(), stretch=None), slow, LAW, DURATION)
-    assert not hit.assembly.stretched
+    assert not hit.assembly.stretch_forces
     assert hit.error_budget["peak_force"].stretch == NEGLIGIBLE_SHARE  # up to which it is linear
     assert np.array_equal(hit.force, linear.force)
     assert np.array_equal(hit.time, linear.time)
@@ -87,7 +87,7 @@ def test_an_automatic_number_states_its_error():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         hit = ao.simulate(model("auto", size=5), BALL, LAW, DURATION)
-    assert 2 < hit.assembly.stretched["structure"].size <= 5
+    assert 2 < hit.assembly.stretch_forces["structure"].size <= 5
     bar = hit.error_budget["peak_force"]
     names = ("peak_force", "impulse", "deflection")
     force, *others = (hit.error[f"stretch {name}"] for name in names)

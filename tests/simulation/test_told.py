@@ -50,5 +50,5 @@ def test_compared_methods_refine_until_two_runs_agree(
     settings = reference.Settings(1e-3, "newmark", max_contacts=1000, max_steps=10_000)
     found = reference.integrate_reference(made, 0.8, settings)
     assert found.run.answer == DONE
-    assert found.share == runs.asked[-1] == min(runs.asked)
-    assert 0.9 * found.share**2 <= max(found.force, found.peak) <= 1e-3
+    assert found.step_tol == runs.asked[-1] == min(runs.asked)
+    assert 0.9 * found.step_tol**2 <= max(found.force, found.peak) <= 1e-3

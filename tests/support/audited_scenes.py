@@ -109,5 +109,5 @@ def checked(name: str) -> Audit:
     scene, duration = SCENES[name]
     step = GIVEN.get(name)
     found = audited(scene(), duration, 0.05 if step else SHARE, step)
-    assert found.run.touches > 0 or found.made.system.pressed.any()
+    assert found.run.touches > 0 or found.made.system.start_forces.any()
     return found

@@ -60,7 +60,7 @@ def _check_times(system: System, found: Run, duration: float, unit: float) -> No
     np.testing.assert_allclose(t[1::2], (ends + t[:-1:2]) / 2, rtol=1e-14)
     assert found.steps == h.size
     events = any(law.has_memory or law.rate_dependent for law in system.laws)
-    if not events and not system.slip.any():
+    if not events and not system.friction.any():
         known = np.concatenate((found.events[:, 0], system.breaks, [duration]))
         free = ~np.any(np.abs(ends[:, None] - known) <= 1e-12 * duration, axis=1)
         halvings = np.log2(h[free] / unit)
@@ -167,7 +167,7 @@ def _check_law(made: Assembly, steps: Steps, c: int, tol: float) -> Array:
     is_open, errors = np.ones(len(steps.h), dtype=bool), np.full(len(steps.h), np.nan)
     at = {u: steps.at(u) for u in (0.25, 0.5, 0.75, 1.0)}
     state = None
-    for first, last, speed in _closed(found, c, bool(system.pressed[c] > 0)):
+    for first, last, speed in _closed(found, c, bool(system.start_forces[c] > 0)):
         is_open[first:last] = False
         if first > 0:
             origin = 0.0 if state is None else law.origin(state)
@@ -216,7 +216,7 @@ def _check_friction(system: System, found: Run, c: int, tol: float) -> None:
     first, count = system.tangents[c]
     if not count:
         return
-    mu, stiffness = system.slip[c]
+    mu, stiffness = system.friction[c]
     T, way = found.force[:, first : first + count], found.depth[:, first : first + count]
     most, size = mu * np.maximum(found.force[:, c], 0.0), np.linalg.norm(T, axis=1)
     assert np.all(size <= most + 1e3 * tol * most.max())

@@ -80,10 +80,10 @@ def system_of(scene: Scene) -> System:
     system = system_of_bodies([body], [law], np.zeros((directions, directions)))
     system.tangents[0] = 1, len(scene.springs)
     system.q[:] = root * np.array([pressed / scene.normal, *scene.start])
-    system.slip[0] = scene.friction, scene.tangential
+    system.friction[0] = scene.friction, scene.tangential
     system.mass[0], system.depth[0] = scene.mass, pressed / scene.normal
     system.speed[0] = pressed / np.sqrt(scene.mass * scene.normal)
-    system.pressed[0] = pressed
+    system.start_forces[0] = pressed
     system.contact_energy = pressed**2 / (2 * scene.normal)
     return system
 

@@ -106,9 +106,9 @@ def from_factors(factor: Array, branches: Sequence[tuple[Array, float]] = ()) ->
     return damping
 
 
-def in_coordinates(damping: DampingMatrix, turn: Array) -> DampingMatrix:
-    """The damping in new coordinates y (m,); the old ones are turn y, with turn (n, m)."""
-    return from_factors(damping.factor @ turn, [(L @ turn, tau) for L, tau in damping.factors])
+def in_coordinates(damping: DampingMatrix, T: Array) -> DampingMatrix:
+    """The damping in new coordinates y (m,); the old ones are T y, with T (n, m)."""
+    return from_factors(damping.factor @ T, [(L @ T, tau) for L, tau in damping.factors])
 
 
 def _store_factors(

@@ -46,7 +46,7 @@ def _resting_state(system: System) -> tuple[Array, Array]:
     stiff = max(float(square.max(initial=0.0)), typical)
     damp = 1e-6 * stiff
 
-    def pushed_back(q: Array, guess: Array) -> tuple[Array, Array, float]:
+    def contact_state(q: Array, guess: Array) -> tuple[Array, Array, float]:
         """Contact forces (p,), indentations (p,), and the potential of the scene."""
         free = beta @ q - gap
         force = _closing_forces(laws, states, free, R, guess)
@@ -54,7 +54,7 @@ def _resting_state(system: System) -> tuple[Array, Array]:
         W = _potential(laws, states, delta, R, force)
         return force, delta, float(0.5 * square @ q**2 - load @ q + W)
 
-    force, delta, value = pushed_back(q, force)
+    force, delta, value = contact_state(q, force)
     for _ in range(_MOST_ITERATIONS):
         residual = load - square * q - beta.T @ force
         scale = size + float(np.abs(beta.T @ force).max())
@@ -64,7 +64,7 @@ def _resting_state(system: System) -> tuple[Array, Array]:
         while True:
             step = np.linalg.solve(H + damp * np.eye(q.size), residual)
             new = q + step
-            new_force, new_delta, new_value = pushed_back(new, force)
+            new_force, new_delta, new_value = contact_state(new, force)
             if new_value <= value + 1e-14 * abs(value):
                 break
             damp *= 10
@@ -102,7 +102,7 @@ def set_initial_forces(system: System, preload: bool = False) -> None:
     if not preload:
         force = _closing_forces(system.laws, states, free, R, np.zeros(p))
 
-    system.pressed[:] = force
+    system.start_forces[:] = force
     if force.any():
         delta = np.maximum(free - R @ force, 0.0)
         system.depth[:] = np.maximum(system.depth, delta)
@@ -127,14 +127,14 @@ def continue_contacts(
         new = _closing_forces(laws, _states(laws, contacts), free, R, new)
 
     goes_on = [contact is not None and contact.closed for contact in contacts]
-    system.pressed[:] = np.where(goes_on, np.maximum(forces, 0.0), new)
+    system.start_forces[:] = np.where(goes_on, np.maximum(forces, 0.0), new)
     system.contact_states = contacts = list(contacts)
-    if not system.pressed.any():
+    if not system.start_forces.any():
         return
 
-    delta = np.maximum(free - R @ system.pressed, 0.0)
+    delta = np.maximum(free - R @ system.start_forces, 0.0)
     system.depth[:] = np.maximum(system.depth, delta)
-    energy = 0.5 * float(system.pressed @ R @ system.pressed)
+    energy = 0.5 * float(system.start_forces @ R @ system.start_forces)
 
     states = _states(laws, contacts)
     for c, (law, contact, d) in enumerate(zip(laws, contacts, delta.tolist(), strict=True)):

@@ -33,26 +33,26 @@ from antiosc.base.errors import AccuracyError
 from antiosc.engine.damping import DampingMatrix, from_factors, in_coordinates
 
 #: Share of the largest damping of a mode below which a mode has none.
-UNDAMPED = 1e-24
+UNDAMPED_SHARE = 1e-24
 #: The same, of a combination of rigid-body motions.
-UNDAMPED_RIGID = 1e-12
+UNDAMPED_RIGID_SHARE = 1e-12
 #: Poles closer than this, relatively, are one repeated pole.
-REPEATED = 1e-10
+REPEATED_DISTANCE = 1e-10
 #: Distance of neighbouring real poles, relatively, below which they are of one cluster.
-CLUSTERED = 0.05
+CLUSTER_DISTANCE = 0.05
 #: Share of the largest singular value of a branch's factor below which it has no spring.
-SPRINGLESS = 1e-9
+SPRINGLESS_SHARE = 1e-9
 #: Relative error of the receptance of first-order modes up to which they are used as they are, …
-EXACT = 1e-7
+EXACT_ERROR = 1e-7
 #: … and largest error that is accepted if no other way has a smaller one.
-INEXACT = 1e-4
+MAX_ERROR = 1e-4
 #: Relative change of a damping whose poles fall together.
 DAMPING_CHANGE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
 class FirstOrder:
-    """The first-order modes of a body."""
+    """The first-order modes of a body, with states (a, b) as in the head of this module."""
 
     #: omega, decay: (I,) w [rad/s] and d [1/s] of the modes
     omega: Array
@@ -62,9 +62,9 @@ class FirstOrder:
     at_v: Array
     deceleration: Array  # (J, 2 I) decelerations of the free modes by the damping
     #: (2 I, 2 J) the (a, b) of displacements and rates of a body whose branches are relaxed
-    inverse: Array
+    state_of_motion: Array
     #: for each branch (J, 2 I): displacements q - z of its spring by (a, b)
-    at_springs: Sequence[Array]
+    spring_shapes: Sequence[Array]
 
     def receptance(self, b: Array, omega: Numbers) -> ComplexArray:
         """b'(dynamic stiffness)^-1 b at circular frequencies (...), b (J, P): (..., P, P)."""
@@ -132,7 +132,7 @@ class StackedModes:
                 states[1, span] = v[free]
             elif q[free].any() or v[free].any():
                 state = np.concatenate((q[free], v[free]))
-                states[:, span] = (first.inverse @ state).reshape(2, -1)
+                states[:, span] = (first.state_of_motion @ state).reshape(2, -1)
 
         return states
 
@@ -157,7 +157,7 @@ class StackedModes:
         springs = []
         for _, span, _, first in self._spans():
             states = np.hstack([a[:, span], b[:, span]])
-            branches = [] if first is None else first.at_springs
+            branches = [] if first is None else first.spring_shapes
             springs.append([states @ at_spring.T for at_spring in branches])
         return springs
 
@@ -174,7 +174,7 @@ def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
     """The first-order modes of a body with free modes (J,) and this damping.
 
     A double pole has no such modes: the damping is then changed by `DAMPING_CHANGE`. AccuracyError
-    if rounding leaves an error of their receptance above `INEXACT`.
+    if rounding leaves an error of their receptance above `MAX_ERROR`.
     """
     worst = np.inf
     best = None
@@ -189,13 +189,13 @@ def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
         if error < worst:
             worst = error
             best = modes
-        if worst <= EXACT:
+        if worst <= EXACT_ERROR:
             break
 
-    if best is None or worst > INEXACT:
+    if best is None or worst > MAX_ERROR:
         raise AccuracyError(
-            f"the first-order modes of the damped model are off by {worst:.2g} (limit {INEXACT:g}):"
-            " rounding does not tell their poles apart; change the damping by a per cent."
+            f"the first-order modes of the damped model are off by {worst:.2g} (limit {MAX_ERROR:g}"
+            "): rounding does not tell their poles apart; change the damping by a per cent."
         )
 
     return best
@@ -211,8 +211,8 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
     modal_damping += sum(
         (tau * np.sum((L @ rotation) ** 2, axis=0) for L, tau in damping.factors), np.zeros(J)
     )
-    touched = modal_damping > UNDAMPED * modal_damping.max(initial=0.0)
-    touched[rigid] = values > UNDAMPED_RIGID * modal_damping.max(initial=0.0)
+    touched = modal_damping > UNDAMPED_SHARE * modal_damping.max(initial=0.0)
+    touched[rigid] = values > UNDAMPED_RIGID_SHARE * modal_damping.max(initial=0.0)
     coupled = np.flatnonzero(touched)
     undamped = np.flatnonzero(~touched)
     damping_of_coupled = in_coordinates(damping, rotation[:, coupled])
@@ -240,7 +240,7 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
         by_mode = np.zeros((J, 2 * total))
         end = row + len(L)
         by_mode[:, second] = (
-            rotation[:, coupled] @ np.linalg.pinv(L, SPRINGLESS) @ stretched[row:end]
+            rotation[:, coupled] @ np.linalg.pinv(L, SPRINGLESS_SHARE) @ stretched[row:end]
         )
         springs.append(by_mode)
         row = end
@@ -343,10 +343,10 @@ def _square_root(gram: ComplexArray) -> ComplexArray:
 
 def _real_clusters(poles: Numbers) -> list[list[int]]:
     """Groups of real poles so close that rounding mixes their modes."""
-    real = np.flatnonzero(np.abs(poles.imag) <= CLUSTERED * np.abs(poles))
+    real = np.flatnonzero(np.abs(poles.imag) <= CLUSTER_DISTANCE * np.abs(poles))
     order = real[np.argsort(poles[real].real)]
     value = poles[order].real
-    ends = np.flatnonzero(np.diff(value) > CLUSTERED * np.abs(value[:-1])) + 1
+    ends = np.flatnonzero(np.diff(value) > CLUSTER_DISTANCE * np.abs(value[:-1])) + 1
     return [cluster.tolist() for cluster in np.split(order, ends) if cluster.size > 1]
 
 
@@ -356,12 +356,12 @@ def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Num
     A has the modes as eigenvectors; sign : (n,) of the squares of its states. Poles and modes stay
     as they are if the subspace does not belong to this cluster alone.
     """
-    low = poles.real.min() * (1 + CLUSTERED / 2)
-    high = poles.real.max() * (1 - CLUSTERED / 2)
+    low = poles.real.min() * (1 + CLUSTER_DISTANCE / 2)
+    high = poles.real.max() * (1 - CLUSTER_DISTANCE / 2)
 
     def in_cluster(re: complex, im: float = 0.0) -> bool:
         pole = re + 1j * im
-        return bool(abs(pole.imag) <= CLUSTERED * abs(pole) and low <= pole.real <= high)
+        return bool(abs(pole.imag) <= CLUSTER_DISTANCE * abs(pole) and low <= pole.real <= high)
 
     from scipy.linalg import schur
 
@@ -382,7 +382,7 @@ def _equal_poles(poles: Numbers) -> list[list[int]]:
     groups: list[list[int]] = []
     for i in np.lexsort((poles.imag, np.abs(poles))).tolist():
         for group in reversed(groups[-8:]):
-            same_pole = abs(poles[i] - poles[group[0]]) <= REPEATED * abs(poles[i])
+            same_pole = abs(poles[i] - poles[group[0]]) <= REPEATED_DISTANCE * abs(poles[i])
             if same_pole and (poles[i].imag == 0) == (poles[group[0]].imag == 0):
                 group.append(i)
                 break

@@ -44,11 +44,11 @@ class CallbackLaw:
             yield self.law.force(delta, rate, law_state)
             yield from self.law.tangent(delta, rate, law_state)
 
-        return self._filled(f"force and tangent at {delta:g} m and {rate:g} m/s", values, out)
+        return self._store_values(f"force and tangent at {delta:g} m and {rate:g} m/s", values, out)
 
     def _touch(self, _: object, speed: float, first: int, state: Doubles, origin: Doubles) -> int:
         old_state = None if first else tuple(state[: self.size])
-        return self._state(
+        return self._store_state(
             f"touch at {speed:g} m/s", state, origin, self.law.touch, speed, old_state
         )
 
@@ -57,15 +57,15 @@ class CallbackLaw:
     ) -> int:
         call_text = f"advance at {delta:g} m and {rate:g} m/s"
         law_state = tuple(state[: self.size])
-        return self._state(call_text, state, origin, self.law.advance, delta, rate, law_state)
+        return self._store_state(call_text, state, origin, self.law.advance, delta, rate, law_state)
 
     def _work(self, _: object, speed: float, delta: float, work: Doubles) -> int:
         def values() -> Iterator[float]:
             yield self.law.potential(delta, self.law.touch(speed))
 
-        return self._filled(f"potential at {delta:g} m", values, work)
+        return self._store_values(f"potential at {delta:g} m", values, work)
 
-    def _state(
+    def _store_state(
         self,
         where: str,
         state: Doubles,
@@ -80,12 +80,12 @@ class CallbackLaw:
             new_state.extend(new(*arguments))
             yield from new_state
 
-        failed = self._filled(where, values, state, lambda x: not isnan(x))
-        return failed or self._filled(
+        failed = self._store_values(where, values, state, lambda x: not isnan(x))
+        return failed or self._store_values(
             where, lambda: iter([self.law.origin(tuple(new_state))]), origin
         )
 
-    def _filled(
+    def _store_values(
         self,
         where: str,
         values: Callable[[], Iterator[float]],
@@ -111,7 +111,7 @@ class CallbackLaw:
         return int(self.error is not None)
 
 
-def packed(law: ContactLaw) -> tuple[library.CLaw, object]:
+def packed_law(law: ContactLaw) -> tuple[library.CLaw, object]:
     """A law as the C library takes it, and the objects whose memory it refers to."""
     if is_compiled(law):
         return law.kernel
@@ -120,6 +120,6 @@ def packed(law: ContactLaw) -> tuple[library.CLaw, object]:
 
 
 def raise_error(memory: object) -> None:
-    """Raise the error of a law in Python, if it failed; `memory`: second result of `packed`."""
+    """Raise the error of a law in Python, if it failed; `memory`: second result of `packed_law`."""
     if isinstance(memory, CallbackLaw) and memory.error is not None:
         raise memory.error

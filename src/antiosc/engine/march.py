@@ -193,7 +193,7 @@ class Workspace:
         self.records = _RECORDS()
         self.buffers = [Buffers(record, *self.shape) for record in self.records]
         self.renew(packed)
-        _all_spaces.add(self)
+        _all_workspaces.add(self)
 
     @property
     def nbytes(self) -> int:
@@ -219,21 +219,21 @@ class Workspace:
 
 
 #: All workspaces, including those in use.
-_all_spaces: WeakSet[Workspace] = WeakSet()
+_all_workspaces: WeakSet[Workspace] = WeakSet()
 #: Stored workspaces, the newest first; threads with the same bodies have one each.
-_stored_spaces: list[tuple[Key, Workspace]] = []
+_stored_workspaces: list[tuple[Key, Workspace]] = []
 #: Number of stored workspaces at most, and the size in bytes of the largest one.
-_MOST_KEPT = 8
-_LARGEST_KEPT = 1 << 23
+_MAX_STORED = 8
+_MAX_STORED_BYTES = 1 << 23
 
 
-def take_space(packed: PackedSystem) -> Workspace:
+def take_workspace(packed: PackedSystem) -> Workspace:
     """A workspace for a system, with stored step responses of its bodies if there are any."""
-    for entry in _stored_spaces.copy():
+    for entry in _stored_workspaces.copy():
         if entry[0] == packed.key and _take_entry(entry):
             return entry[1]
-    if len(_all_spaces) >= _MOST_KEPT:
-        oldest = _stored_spaces[-1:]
+    if len(_all_workspaces) >= _MAX_STORED:
+        oldest = _stored_workspaces[-1:]
         if oldest and _take_entry(oldest[0]) and oldest[0][1].fits(packed):
             oldest[0][1].renew(packed)
             return oldest[0][1]
@@ -243,17 +243,17 @@ def take_space(packed: PackedSystem) -> Workspace:
 def _take_entry(entry: tuple[Key, Workspace]) -> bool:
     """Remove a workspace from the store; False if another thread was faster."""
     try:
-        _stored_spaces.remove(entry)
+        _stored_workspaces.remove(entry)
     except ValueError:
         return False
     return True
 
 
-def return_space(packed: PackedSystem, space: Workspace) -> None:
+def return_workspace(packed: PackedSystem, space: Workspace) -> None:
     """Return a workspace to the store for later runs."""
-    if space.nbytes <= _LARGEST_KEPT:
-        _stored_spaces.insert(0, (packed.key, space))
-        del _stored_spaces[_MOST_KEPT:]
+    if space.nbytes <= _MAX_STORED_BYTES:
+        _stored_workspaces.insert(0, (packed.key, space))
+        del _stored_workspaces[_MAX_STORED:]
 
 
 def check_status(status: int) -> None:
@@ -274,7 +274,7 @@ def solve(
         system = system.marched
     packed = system.packed
     m, size = system.beta.shape
-    space = take_space(packed)
+    space = take_workspace(packed)
     solution = library.CSolution()
     buffers = space.buffers
     for buffers_of_run in buffers:
@@ -294,17 +294,17 @@ def solve(
             buffers[solution.present].enlarge(keep)
     check_status(status)
     if status == library.LAW_FAILED:
-        return_space(packed, space)
-        packed.failed()
+        return_workspace(packed, space)
+        packed.raise_law_error()
     best = buffers[solution.best].run(solution.answer, solution.summary, keep)
-    return_space(packed, space)
+    return_workspace(packed, space)
     return best, solution
 
 
 def run(
     system: System,
     duration: float,
-    share: float,
+    step_tol: float,
     *,
     scale: float = 0.0,
     fine: float,
@@ -315,12 +315,12 @@ def run(
 ) -> Run:
     """Integrate over [0, duration] once.
 
-    The error of the contact forces in a step is at most `share` times `scale` [N]; with 0 the scale
-    of a contact is its largest force so far. With `step` [s] the steps under contact are that step,
-    or halvings of it where this error needs them.
+    The error of the contact forces in a step is at most `step_tol` times `scale` [N]; with 0 the
+    scale of a contact is its largest force so far. With `step` [s] the steps under contact are that
+    step, or halvings of it where this error needs them.
     """
     options = library.COptions(
-        duration, share, scale, step or 0.0, fine, max_contacts, max_steps, 1
+        duration, step_tol, scale, step or 0.0, fine, max_contacts, max_steps, 1
     )
     return solve(system, options, keep)[0]
 
@@ -329,18 +329,18 @@ def run(
 class Converged:
     """The finest run, estimated relative errors, and the time [s] up to which two runs agree.
 
-    `share`: `run`'s share of the finest run, or its step [s] if that was given. The errors are
+    `step_tol`: that of `run` for the finest run, or its step [s] if that was given. The errors are
     infinite if no finer run reached the end.
     """
 
     run: Run
-    share: float
+    step_tol: float
     force: float
     peak: float
-    certain: float
+    certain_time: float
 
 
-def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
+def stop_text(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
     """Text: why the integration stopped at t [s] before the end; "" if it did not."""
     if answer == library.DONE:
         return ""

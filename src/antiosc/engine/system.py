@@ -19,7 +19,7 @@ import numpy as np
 from antiosc.base._types import NDArray
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw, State
-from antiosc.engine.law_tables import packed, raise_error
+from antiosc.engine.law_tables import packed_law, raise_error
 
 if TYPE_CHECKING:
     from antiosc.engine.first_order import StackedModes
@@ -31,7 +31,7 @@ CONTACT_RECORD = cast("np.dtype[np.void]", np.dtype(library.CContact))
 #: ctypes keeps this type as long as it is referred to; to make it anew takes 50 µs.
 _ONE_CONTACT = library.CContact * 1
 _START_TIME = np.zeros(1)  # the one time of loads that are constant
-SLOWEST_SHARE = (
+LEAST_SPEED_SHARE = (
     1e-4  # of the closing speed that is expected: what begins more slowly begins at rest
 )
 
@@ -94,13 +94,13 @@ class System:
     cubic: Array | None = None
 
     @property
-    def numbers(self) -> tuple[Array, ...]:
+    def arrays(self) -> tuple[Array, ...]:
         """All arrays of bodies and rows; those that the responses of modes depend on come first."""
         rows = self.omega, self.decay, self.beta, self.R
         return *rows, self.breaks, self.loads, self.offsets, self.q, self.v
 
     @property
-    def slip(self) -> Array:
+    def friction(self) -> Array:
         """Coefficients of friction, tangential stiffnesses [N/m], (p, 2)."""
         return self._two_columns("friction")
 
@@ -125,7 +125,7 @@ class System:
         return self.contacts["expected_speed"]
 
     @property
-    def pressed(self) -> Array:
+    def start_forces(self) -> Array:
         """Forces (p,) [N] at the start: a contact with one is closed."""
         return self.contacts["preload"]
 
@@ -136,7 +136,7 @@ class System:
         return np.lib.stride_tricks.as_strided(first, (first.size, 2), strides)
 
     @property
-    def sides(self) -> list[slice]:
+    def friction_rows(self) -> list[slice]:
         """Slice of the tangential rows of each contact."""
         return [slice(first, first + count) for first, count in self.tangents.tolist()]
 
@@ -156,8 +156,8 @@ class System:
     def closed(self) -> NDArray[np.bool_]:
         """Which contacts (p,) are closed at the start."""
         if self.contact_states is None:
-            return self.pressed > 0
-        return (self.pressed > 0) | [
+            return self.start_forces > 0
+        return (self.start_forces > 0) | [
             contact is not None and contact.closed for contact in self.contact_states
         ]
 
@@ -197,9 +197,9 @@ class System:
         )
 
     @property
-    def slowest(self) -> Array:
+    def least_speeds(self) -> Array:
         """Least closing speeds (p,) [m/s] from which damped laws take their damping."""
-        return np.maximum(SLOWEST_SHARE * self.speed, self.least_speed)
+        return np.maximum(LEAST_SPEED_SHARE * self.speed, self.least_speed)
 
     def stretch_energy(self, q: Array) -> Array:
         """Second-order strain energy (n,) [J] at modal displacements q (n, J)."""
@@ -212,19 +212,19 @@ class System:
         """The system as the march takes it."""
         return PackedSystem(self)
 
-    def expect_contact(self, mass: float, duration: float) -> float:
+    def estimate_contact(self, mass: float, duration: float) -> float:
         """Estimate indentation and closing speed of the only contact; returns its duration [s]."""
         packed = self.packed
         (contact,) = packed.contacts
         contact.mass = mass
         estimate = library.library.aom_expect(byref(packed.system), 0, duration)
-        packed.failed()
+        packed.raise_law_error()
         if not isfinite(estimate.depth + estimate.speed + estimate.time):
             raise OverflowError("the depth of the contact")
 
         contact.expected_depth = estimate.depth
         contact.expected_speed = estimate.speed
-        contact.slowest = max(SLOWEST_SHARE * estimate.speed, self.least_speed)
+        contact.slowest = max(LEAST_SPEED_SHARE * estimate.speed, self.least_speed)
         self.contacts = np.frombuffer(cast("bytes", packed.contacts), CONTACT_RECORD)
         return float(estimate.time)
 
@@ -244,7 +244,7 @@ class BodyModes(NamedTuple):
     load: Array | None = None  # (J,) modal forces that last
 
 
-def side_by_side(sizes: Iterable[int]) -> list[slice]:
+def consecutive_slices(sizes: Iterable[int]) -> list[slice]:
     """Slices of parts of these sizes that follow one another."""
     return list(starmap(slice, pairwise(accumulate(sizes, initial=0))))
 
@@ -261,7 +261,7 @@ def system_of_bodies(
     R : (m, m) residual compliance; gap : [m] of all rows. Expected masses, depths and speeds stay
     0.
     """
-    spans = side_by_side([body.omega.size for body in bodies])
+    spans = consecutive_slices([body.omega.size for body in bodies])
     size, m = spans[-1].stop, len(R)
 
     omega, decay, q, v = np.zeros((4, size))
@@ -295,7 +295,7 @@ class PackedSystem:
         p = len(s.laws)
         m, size = s.beta.shape
         breaks = s.breaks.size
-        self.numbers = [np.ascontiguousarray(array, dtype=float) for array in s.numbers]
+        self.numbers = [np.ascontiguousarray(array, dtype=float) for array in s.arrays]
         bodies = b"".join([array.tobytes() for array in self.numbers[:4]])
 
         gamma = None
@@ -311,13 +311,13 @@ class PackedSystem:
 
         *arrays, q, v = map(library.address, self.numbers)
 
-        self.laws = [packed(law) for law in s.laws]
+        self.laws = [packed_law(law) for law in s.laws]
         self.contacts = (library.CContact * p).from_buffer_copy(cast("bytes", s.contacts))
         for contact, (law, _) in zip(self.contacts, self.laws, strict=True):
             contact.law = law
-            contact.slowest = max(SLOWEST_SHARE * contact.expected_speed, s.least_speed)
+            contact.slowest = max(LEAST_SPEED_SHARE * contact.expected_speed, s.least_speed)
 
-        self.states = [] if s.contact_states is None else self._continued(s.contact_states, s.laws)
+        self.states = [] if s.contact_states is None else self._continue(s.contact_states, s.laws)
         self.tensors = [np.ascontiguousarray(x) for x in (s.quadratic, s.cubic) if x is not None]
         stretch = 0 if s.cubic is None else len(s.cubic), *map(library.address, self.tensors)
         self.system = library.CSystem(
@@ -334,7 +334,7 @@ class PackedSystem:
             *stretch,
         )
 
-    def _continued(
+    def _continue(
         self, contact_states: Sequence[ContactState | None], laws: Sequence[ContactLaw]
     ) -> list[Array]:
         """Set the contact states of an earlier run; returns the arrays that must stay in memory."""
@@ -348,7 +348,7 @@ class PackedSystem:
 
         return states
 
-    def failed(self) -> None:
+    def raise_law_error(self) -> None:
         """Raise the error of a law that is written in Python, if one failed."""
         for _, memory in self.laws:
             raise_error(memory)

@@ -274,7 +274,7 @@ class ExcludedZones(NamedTuple):
             return np.zeros(len(points), dtype=bool)
         return np.asarray(cKDTree(sharp).query(points)[0] <= self.distance)
 
-    def judged(self, points: Array, known: BoolArray) -> tuple[BoolArray, str]:
+    def judged_mask(self, points: Array, known: BoolArray) -> tuple[BoolArray, str]:
         """(mask (P,) of the points that are judged, the same in words).
 
         `known`: mask of points with a value, of which one at least is judged: a zone that has all
@@ -283,7 +283,7 @@ class ExcludedZones(NamedTuple):
         radii = sorted(zone.ball[3] for zone in self.contacts)
         ends = dict.fromkeys(engineering(radius, "m", 2) for radius in (*radii[:1], *radii[-1:]))
         of_contacts = f"{PLASTIC_ZONE_RADII:g} radii of the contact ({' to '.join(ends)})"
-        of_edges = f"{engineering(self.distance, 'm', 2)} of {self.of_edges}"
+        of_edges = f"{engineering(self.distance, 'm', 2)} of {self.edge_names}"
         counts = np.ones(len(points), dtype=bool)
         places = []
 
@@ -301,7 +301,7 @@ class ExcludedZones(NamedTuple):
         return counts, f"outside {', and '.join(places)}" if places else ""
 
     @property
-    def of_edges(self) -> str:
+    def edge_names(self) -> str:
         """Names of what the part has of sharp inner edges and rigidly held faces."""
         named = {"sharp inner edges": len(self.edges), "rigidly held faces": len(self.supports)}
         return " and ".join(name for name, count in named.items() if count)
@@ -328,7 +328,7 @@ class NodalExposures(NamedTuple):
     strength: Array
     time: Array
     error: Array
-    sizes: Array
+    cell_sizes: Array
 
 
 def judged_margin(criterion: str, nodes: NodalExposures, zones: ExcludedZones) -> Margin | None:
@@ -341,7 +341,7 @@ def judged_margin(criterion: str, nodes: NodalExposures, zones: ExcludedZones) -
     if not known.any():
         return None
 
-    counts, scope = zones.judged(nodes.points, known)
+    counts, scope = zones.judged_mask(nodes.points, known)
     exposure = np.where(counts, nodes.exposure, 0.0)
     worst = int(exposure.argmax())
     strength = float(nodes.strength[worst])
@@ -363,7 +363,7 @@ def judged_margin(criterion: str, nodes: NodalExposures, zones: ExcludedZones) -
     elif jumping:
         k = jumping[0]
         why = "it differs by half or more between cells"
-        cells = (nodes.points[k].tolist(), float(nodes.sizes[k]) / 2)
+        cells = (nodes.points[k].tolist(), float(nodes.cell_sizes[k]) / 2)
 
     notes = _edge_sentences(criterion, nodes, zones, ~counts)
     if cells is not None:
@@ -393,7 +393,7 @@ def _edge_sentences(
     shown = engineering(value, "Pa") if criterion in STRESS_NAMES else f"{value:.3g}"
 
     return [
-        f"at {zones.of_edges} an elastic stress has no limit: here up to {shown} at"
+        f"at {zones.edge_names} an elastic stress has no limit: here up to {shown} at"
         f" {point_text(nodes.points[k])}, more with smaller cells"
     ]
 
@@ -406,14 +406,14 @@ def _hidden_stress(
     unresolved = None
     for zone in contacts:
         distance = np.linalg.norm(nodes.points - zone.point, axis=1)
-        size = float(nodes.sizes[distance.argmin()])
+        size = float(nodes.cell_sizes[distance.argmin()])
         if zone.patch == inf and size > RESOLVED_SIZE_RATIO * zone.radius:
             unresolved = unresolved or zone
             continue
 
         patch = size / 2 if zone.patch == inf else max(zone.patch, size / 2)
         edge = 0.0 if zone.thickness else PLASTIC_ZONE_RADII * zone.radius
-        hidden += zone.spread(patch, np.maximum(distance - nodes.sizes, edge))
+        hidden += zone.spread(patch, np.maximum(distance - nodes.cell_sizes, edge))
 
     return hidden, unresolved
 

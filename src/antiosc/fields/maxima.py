@@ -59,7 +59,7 @@ class BodyMotion:
     sizes : (J,) largest amplitudes of the modes.
     """
 
-    nodes: Array
+    node_times: Array
     factors: Callable[[Array], Array]
     omega: Array
     shapes: Array
@@ -106,24 +106,24 @@ def searched_maxima(
     motion: BodyMotion,
     columns: Array,
     scalar: ScalarFunction,
-    counts: BoolArray,
+    counted: BoolArray,
     bounded: bool = True,
 ) -> tuple[Array, Array, float | None]:
     """(largest value (S,) of a scalar, its time (S,) [s], bound on what is missed or None).
 
     `columns`: components (S, c, B) for unit factors; `scalar`: function, components (S, n, c) ->
-    (S, n); `counts`: mask (S,) of the nodes whose values decide the time step.
+    (S, n); `counted`: mask (S,) of the nodes whose values decide the time step.
     """
     if not len(columns):  # they are those of another rank
         return np.zeros(0), np.zeros(0), 0.0
 
-    coarse = float(np.ptp(motion.nodes)) / MIN_STEPS
+    coarse = float(np.ptp(motion.node_times)) / MIN_STEPS
     values, times = _step_maxima(motion, coarse, columns, scalar)
-    top = float(values[counts].max(initial=0.0))
+    top = float(values[counted].max(initial=0.0))
     if not top:
         return values, times, 0.0
 
-    high = np.flatnonzero(counts & (values >= HIGH_VALUE_SHARE * top))
+    high = np.flatnonzero(counted & (values >= HIGH_VALUE_SHARE * top))
     step, missed = _time_step(motion, coarse, columns[high], values[high], scalar)
     if step < coarse:
         values[high], times[high] = _step_maxima(motion, step, columns[high], scalar)
@@ -134,7 +134,7 @@ def _step_maxima(
     motion: BodyMotion, step: float, columns: Array, scalar: ScalarFunction
 ) -> tuple[Array, Array]:
     """(largest value (S,), its time (S,)), by parabolas, with time steps of `step` [s]."""
-    times = _sample_times(motion.nodes, step)
+    times = _sample_times(motion.node_times, step)
     blocks = (times[k : k + TIMES_AT_ONCE] for k in range(0, len(times), TIMES_AT_ONCE))
     factors = np.concatenate([motion.factors(block) for block in blocks])
     number = np.arange(1.0 * len(times))

@@ -375,8 +375,8 @@ def peak_field(
 class NodalMaxima:
     """Largest values (P,) at all points, their times, and a bound on the error by sampling.
 
-    Of stresses also the largest `exposure`, `strength` [Pa or 1], time (`exposed`) and number of
-    the ply.
+    Of stresses also the largest `exposure`, `strength` [Pa or 1], time (`exposure_times`) and
+    number of the ply.
     """
 
     values: Array
@@ -384,7 +384,7 @@ class NodalMaxima:
     error: float | None = None
     exposure: Array = field(default_factory=lambda: np.zeros(0))
     strength: Array = field(default_factory=lambda: np.zeros(0))
-    exposed: Array = field(default_factory=lambda: np.zeros(0))
+    exposure_times: Array = field(default_factory=lambda: np.zeros(0))
     ply: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
     mesh_error: Array | None = None
 
@@ -412,10 +412,10 @@ class NodalMaxima:
         k = order[values[order] >= self.values[nodes[order]]]
         self.values[nodes[k]], self.times[nodes[k]] = values[k], times[k]
         k = order[values[order] / strength >= self.exposure[nodes[order]]]
-        self.exposure[nodes[k]], self.exposed[nodes[k]] = values[k] / strength, times[k]
+        self.exposure[nodes[k]], self.exposure_times[nodes[k]] = values[k] / strength, times[k]
         self.strength[nodes[k]], self.ply[nodes[k]] = strength, ply
 
-    def at(self, nodes: IntArray) -> NodalMaxima:
+    def selected(self, nodes: IntArray) -> NodalMaxima:
         """The maxima at some of the points."""
         arrays = {k: v[nodes] for k, v in vars(self).items() if np.size(v) > 1}
         return replace(self, **arrays)
@@ -462,7 +462,7 @@ def _peak_field_of(
 ) -> tuple[PeakField, NodalMaxima]:
     """(the field, its maxima) at the nodes that `cells` have."""
     used, numbered = without_unused_nodes(cells)
-    best = best.at(used)
+    best = best.selected(used)
     exposures = best.exposure if best.exposure.any() else None
     of_values = points[used], best.values, best.times, numbered, best.error
     return PeakField(quantity, unit, *of_values, exposures, best.mesh_error), best
@@ -519,7 +519,7 @@ def _with_margin(
 ) -> PeakField:
     """The field with the margin of its worst point, or the largest von Mises stress."""
     criterion = {"von_mises": "yield"}.get(field.quantity, field.quantity)
-    exposures, strength, times = best.exposure, best.strength, best.exposed
+    exposures, strength, times = best.exposure, best.strength, best.exposure_times
     if field.exposure is None:
         criterion, exposures, times = margin.UNJUDGED_CRITERION, field.values, field.times
         strength = np.ones(len(times))
@@ -532,7 +532,7 @@ def _with_margin(
         share = field.mesh_error / np.where(field.values > 0, field.values, 1.0)
     sizes = margin.sizes_at_nodes(field.points, field._cells)
     nodes = NodalExposures(field.points, exposures, strength, times, share, sizes)
-    counts, _ = zones.judged(field.points, exposures > 0)
+    counts, _ = zones.judged_mask(field.points, exposures > 0)
     worst = margin.judged_margin(criterion, nodes, zones)
     if worst is not None:
         known = margin.strength_range(structure, worst) if worst.is_stress else None

@@ -19,7 +19,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
-from antiosc.engine.law_tables import packed, raise_error
+from antiosc.engine.law_tables import packed_law, raise_error
 from antiosc.engine.system import CONTACT_RECORD, System
 from antiosc.impact import scene_parts
 from antiosc.impact.bodies import SceneBody, scene_body, stacked_first_order
@@ -30,15 +30,15 @@ DEPTH_TOL = 0.1  # relative error of a depth
 
 
 def largest_indentation(
-    law: ContactLaw, speed: float, energy: float, load: float, high: float, close: float = DEPTH_TOL
+    law: ContactLaw, speed: float, energy: float, load: float, bound: float, rtol: float = DEPTH_TOL
 ) -> float:
-    """Largest indentation [m] of a blow on a law, within the relative error `close`.
+    """Largest indentation [m] of a blow on a law, within the relative error `rtol`.
 
     speed : closing speed [m/s]; energy : kinetic energy [J] of the approach; load : force [N] that
-    presses the bodies together; high : bound on the indentation [m].
+    presses the bodies together; bound : of the indentation [m].
     """
-    kernel, memory = packed(law)
-    depth = library.library.aom_law_deepest(byref(kernel), speed, energy, load, high, close)
+    kernel, memory = packed_law(law)
+    depth = library.library.aom_law_deepest(byref(kernel), speed, energy, load, bound, rtol)
     raise_error(memory)
     return float(depth)
 
@@ -72,7 +72,7 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
         system.depth[:] = system.speed[:] = 1e-300
         for c, contact in enumerate(scene.contacts):
             if contact.friction > 0:
-                system.slip[c] = contact.friction, contact.tangential_stiffness or 1.0
+                system.friction[c] = contact.friction, contact.tangential_stiffness or 1.0
         return duration / 16
 
     system.speed[:] = np.where(closing > 1e-6 * highest_speed, closing, highest_speed)
@@ -88,7 +88,7 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
         shortest = min(shortest, 3 * depth / mean_speed)
         system.depth[c] = depth
         if scene.contacts[c].friction > 0:
-            system.slip[c] = _friction_parameters(scene.contacts[c], law, blow, float(local[c]))
+            system.friction[c] = _friction_parameters(scene.contacts[c], law, blow, float(local[c]))
 
     return shortest
 
@@ -106,7 +106,7 @@ def _friction_parameters(
     """
     stiffness = contact.tangential_stiffness
     if stiffness is None:
-        deepest = largest_indentation(contact.law, *blow, close=FRICTION_DEPTH_TOL)
+        deepest = largest_indentation(contact.law, *blow, rtol=FRICTION_DEPTH_TOL)
         state = law.touch(blow[0])
         slopes = []
         for phase in (np.arange(16) + 0.5) / 16 * (np.pi / 2):
@@ -193,17 +193,17 @@ class Assembly:
     system: System  # the system that the march integrates
     contact_time_estimate: float  # shortest expected contact time [s]
     #: second-order forces of the bodies that stretch, which have rows in the march
-    stretched: Mapping[str, Stretch] = field(default_factory=dict, kw_only=True)
+    stretch_forces: Mapping[str, Stretch] = field(default_factory=dict, kw_only=True)
     #: relative change of the largest force of a contact by these
     stretch_effect: float = field(default=0.0, kw_only=True)
     #: whether more of them would change the results by no more than the tolerance
-    stretch_settled: bool = field(default=True, kw_only=True)
+    stretch_converged: bool = field(default=True, kw_only=True)
     #: energy of second-order strain at the largest force over the linear energy, of a solid that is
     #: taken as linear because it is small; 0.0 for others
-    stretch_left_out: float = field(default=0.0, kw_only=True)
+    omitted_stretch_ratio: float = field(default=0.0, kw_only=True)
     #: sentence on a linear run whose second-order strain has so much energy that neither theory
     #: holds; "" for others
-    hopeless: str = field(default="", kw_only=True)
+    beyond_theory: str = field(default="", kw_only=True)
 
     @property
     def stretches(self) -> bool:

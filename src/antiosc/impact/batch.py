@@ -167,14 +167,14 @@ def simulate_many(
         for begin in range(0, size, SCENES_PER_CHUNK):
             part = slice(begin, begin + SCENES_PER_CHUNK)
 
-            def told(done: int, begin: int = begin) -> None:
+            def report_done(done: int, begin: int = begin) -> None:
                 report(begin + done)
 
-            rows += _solve_chunk(scenes[part], steps[part], n, settings, told)
+            rows += _solve_chunk(scenes[part], steps[part], n, settings, report_done)
 
     _raise_failures(rows)
     warn_of_batch([(r.status, r.message) for r in rows], [r.needed_radius for r in rows])
-    if warned := [(i, row.told) for i, row in enumerate(rows) if row.told]:
+    if warned := [(i, row.warnings_text) for i, row in enumerate(rows) if row.warnings_text]:
         first, sentence = warned[0]
         which = scenes_text([i for i, _ in warned], size, first)
         warn(f"{which}: {sentence}", AccuracyWarning)
@@ -213,7 +213,7 @@ class _SceneResult:
     error: float = np.nan
     force: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
     failure: AntioscError | None = None
-    told: str = ""
+    warnings_text: str = ""
 
     @property
     def needed_radius(self) -> float:
@@ -241,10 +241,10 @@ def _solve_chunk(
     for group in groups.values():
         members = [scenes[i] for i in group]
 
-        def told(done: int, before: int = len(rows)) -> None:
+        def report_done(done: int, before: int = len(rows)) -> None:
             report(before + done)
 
-        group_rows = _solve_group(members, settings, told)
+        group_rows = _solve_group(members, settings, report_done)
         rows.update((i, row) for i, row in zip(group, group_rows, strict=True) if row is not None)
 
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
@@ -258,13 +258,13 @@ def _solve_chunk(
 def _solve_group(
     scenes: Sequence[Impact], settings: Settings, report: Callable[[int], None]
 ) -> list[_SceneResult | None]:
-    """Rows of a group of impacts; None for an impact that must be integrated separately."""
+    """Results of a group of impacts; None for an impact that must be integrated separately."""
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             group = ImpactRows(scenes, settings)
     except (AntioscError, ArithmeticError):  # it tells itself of which
         return [None] * len(scenes)
-    outcomes, pulses = group.solved(report)
+    outcomes, pulses = group.solve(report)
     solved = zip(scenes, group.laws, outcomes.tolist(), pulses, strict=True)
     return [_result_of(*outcome, group.pair, settings) for outcome in solved]
 
@@ -277,7 +277,7 @@ def _result_of(
     pair: ModalPair,
     settings: Settings,
 ) -> _SceneResult | None:
-    """The row of an outcome of the C library; None if the impact must be integrated separately."""
+    """The result by an outcome of the C library; None if the impact must be integrated alone."""
     answer, contacts, touches, goes_on, _, numbers, *others = outcome
     force, peak, certain, end, contact_time_estimate, *_ = others
     if answer == library.FULL or answer >= library.LAW_FAILED:
@@ -307,7 +307,7 @@ def _result_of(
 
 
 def _blow_doubts(scene: Impact) -> list[str]:
-    """Sentences on what is implausible in the blow of a scene; empty if nothing is."""
+    """Sentences on implausible numbers of an impact; empty if there are none."""
     (blow,) = plausible.impact_doubts([scene.model], [scene.impactor], scene.initial_velocity)
     return [blow] if blow else []
 
@@ -315,7 +315,7 @@ def _blow_doubts(scene: Impact) -> list[str]:
 def _solve_single(
     scene: Impact, step: float | None, n: int | str | None, settings: Settings
 ) -> _SceneResult:
-    """The row of one scene."""
+    """The result of one scene."""
     sentences: list[str] = []
     try:
         with warnings_to(sentences.append):
@@ -332,14 +332,14 @@ def _solve_single(
                 step=hit.step,
                 error=hit.error.get("force", np.nan),
                 force=hit.contact_histories[0].pulses(),
-                told=" ".join(sentences),
+                warnings_text=" ".join(sentences),
             )
     except AntioscError as error:
         return _failed_result(error)
 
 
 def _failed_result(error: AntioscError) -> _SceneResult:
-    """The row of a scene that failed."""
+    """The result of a scene that failed with this error."""
     return _SceneResult(STOPPED, str(error), failure=error)
 
 
@@ -367,7 +367,7 @@ def _raise_failures(rows: list[_SceneResult]) -> None:
 
 
 def _many_of(rows: list[_SceneResult]) -> Many:
-    """The results of these rows."""
+    """The results of all scenes as one object."""
 
     def columns(*names: str) -> dict[str, Array]:
         return {n: np.array([getattr(row, n) for row in rows], dtype=float) for n in names}

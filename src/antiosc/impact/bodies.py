@@ -542,24 +542,24 @@ class SceneBody:
     name: str
     body: object  # the user's object
     modes: ModalBody | SiteModes  # the body in its free modes
-    start: Array  # (J,) modal velocities
+    start_velocities: Array  # (J,) modal velocities
     initial_displacements: Array | None = None  # (J,) modal displacements; None: none
     gap: float = 0.0  # distance [m] of an `Obstacle` from the structure at the start
     #: half-space compliances [m/N] of the patches by site, which its modes contain
     local_compliance: Mapping[str, float] = field(default_factory=dict)
     patch_radius: float | None = None  # radius [m] of the patch of its one site, if it has one
     #: direction (3,) in which the contact pushes each site, if known
-    pushes: dict[str, Array] = field(default_factory=dict)
+    push_directions: dict[str, Array] = field(default_factory=dict)
     #: for a body without `directions`: direction (3,) of each site's coordinate, which its contacts
     #: define
-    axes: dict[str, Array] = field(default_factory=dict)
+    site_axes: dict[str, Array] = field(default_factory=dict)
     #: states (2, I) of first-order modes at the start; None: those of the displacements and
     #: velocities with relaxed branches
     first_order_start: Array | None = None
 
     def __post_init__(self) -> None:
-        if self.directions is not None and not self.pushes:
-            self.pushes = {
+        if self.directions is not None and not self.push_directions:
+            self.push_directions = {
                 site: self.directions[columns[0]] for site, columns in self.sites.items()
             }
 
@@ -626,8 +626,8 @@ class SceneBody:
         """Directions (k, 3) of the first k columns of a site; None if they are unknown."""
         if self.directions is not None:
             return self.directions[list(self.sites[site])]
-        if site in self.axes:
-            return self.axes[site][None]
+        if site in self.site_axes:
+            return self.site_axes[site][None]
         return None
 
     def rotation(self, q: Array) -> Array:
@@ -693,7 +693,7 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
                 )
 
             body_in_scene.initial_displacements = motion.displacements
-            body_in_scene.start = motion.velocities
+            body_in_scene.start_velocities = motion.velocities
             body_in_scene.first_order_start = first_order = motion.first_order
             first = body_in_scene.modes.first_order
             size = 0 if first is None else first.omega.size
@@ -703,7 +703,7 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
                     f" the body {size}."
                 )
         else:
-            body_in_scene.start = _initial_velocities(body_in_scene, motion)
+            body_in_scene.start_velocities = _initial_velocities(body_in_scene, motion)
 
     return body_in_scene
 
@@ -721,7 +721,7 @@ def _scene_body_of_modal(name: str, body: object) -> SceneBody:
 
 
 def single_site_body(
-    name: str, body: object, linear_body: Body, modes: ModalBody, start: Array
+    name: str, body: object, linear_body: Body, modes: ModalBody, start_velocities: Array
 ) -> SceneBody:
     """A body with one contact point, with modal initial velocities (J,)."""
     local = {"": linear_body.local_compliance}
@@ -729,7 +729,7 @@ def single_site_body(
         name,
         body,
         modes,
-        start,
+        start_velocities,
         gap=linear_body.gap,
         local_compliance=local,
         patch_radius=linear_body.patch_radius,
@@ -763,17 +763,17 @@ def _scene_body_of_rigid(name: str, body: RigidBody) -> SceneBody:
         inertia=Inertia(body.centre, matrix, momentum),
     )
 
-    return SceneBody(name, body, modes, np.zeros(6), pushes=directions)
+    return SceneBody(name, body, modes, np.zeros(6), push_directions=directions)
 
 
-def _initial_velocities(placed: SceneBody, motion: Motion | float) -> Array:
+def _initial_velocities(body: SceneBody, motion: Motion | float) -> Array:
     """Modal initial velocities (J,) of a rigid-body motion."""
     if not isinstance(motion, Motion):
-        one_coordinate = placed.directions is None or placed.inertia is None  # the speed along it
-        if not one_coordinate or placed.B.shape[1] != 1:
+        one_coordinate = body.directions is None or body.inertia is None  # the speed along it
+        if not one_coordinate or body.B.shape[1] != 1:
             raise InputError(
-                f"body {placed.name!r} moves in space: give its start as a Motion of velocity"
+                f"body {body.name!r} moves in space: give its start as a Motion of velocity"
                 f" and spin, not as the number {motion!r}."
             )
 
-    return placed.modes.rigid_motion(motion)
+    return body.modes.rigid_motion(motion)

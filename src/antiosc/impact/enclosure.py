@@ -26,9 +26,9 @@ from antiosc.base.texts import FieldsRepr, engineering
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.laws import Hertz
-from antiosc.engine.law_tables import packed
+from antiosc.engine.law_tables import packed_law
 from antiosc.engine.march import Run
-from antiosc.engine.system import side_by_side
+from antiosc.engine.system import consecutive_slices
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import Obstacle, RigidBody, RigidMass, SceneBody, Sphere
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -93,7 +93,7 @@ class Enclosure(FieldsRepr):
 class _ReferenceBody(NamedTuple):
     """A body in its reference modes: frequencies, decay, columns of the contacts, load, start.
 
-    lag : of modes that follow their force, 0 of the others. modes : None of a rigid body.
+    lag : of modes that follow their force, 0 for the others. modes : None for a rigid body.
     compliance : (m,) [m/N] of the contacts under a constant force, if it is finite.
     """
 
@@ -115,7 +115,7 @@ def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosur
     """
     _check_run(assembly, run)
     bodies = assembly.bodies.values()
-    sizes = side_by_side([body.omega.size for body in bodies])
+    sizes = consecutive_slices([body.omega.size for body in bodies])
     laws = [_proof_law(law) for law in assembly.laws]
     most = [_max_vectors(body) for body in bodies]
 
@@ -192,7 +192,7 @@ def _check_run(assembly: Assembly, run: Run) -> None:
 
 def _proof_law(law: ContactLaw) -> tuple[ContactLaw, float]:
     """(law by which the proof replaces a contact law, force [N] up to which they agree)."""
-    kernel = packed(law)[0]
+    kernel = packed_law(law)[0]
     if getattr(law, "elastic_share", 0.0) > MAX_ELASTIC_SHARE:
         raise _refusal_of(
             f"a side that stays elastic with at most {MAX_ELASTIC_SHARE} of the flexibility."
@@ -294,9 +294,9 @@ def _reference_body(
     )
 
 
-def _difference_factors(bodies: Sequence[_ReferenceBody], spans: Array) -> Array:
+def _difference_factors(bodies: Sequence[_ReferenceBody], durations: Array) -> Array:
     """Factors kappa (m, n_spans) of |D| <= kappa √(2E), for motions that last the spans [s]."""
-    x = 1 / np.append(spans, spans[-1] * 4.0 ** np.arange(1, 10)) ** 2
+    x = 1 / np.append(durations, durations[-1] * 4.0 ** np.arange(1, 10)) ** 2
     H = np.zeros((len(bodies[0].beta), x.size))
     for body in bodies:
         if body.modes is None:
@@ -306,7 +306,7 @@ def _difference_factors(bodies: Sequence[_ReferenceBody], spans: Array) -> Array
         if body.compliance is not None:
             own = np.minimum(own, body.compliance[:, None])
         H += own
-    squares = H[:, None, :] * (1 + x * spans[:, None] ** 2)
+    squares = H[:, None, :] * (1 + x * durations[:, None] ** 2)
     return np.sqrt(squares.min(axis=2))
 
 
@@ -317,19 +317,19 @@ def _residual_channels(bodies: Sequence[_ReferenceBody]) -> tuple[Array, Array, 
     the factors (J,) of |q'| by which damping brakes the modes.
     """
     size = sum(body.omega.size for body in bodies)
-    places = side_by_side([body.omega.size for body in bodies])
+    places = consecutive_slices([body.omega.size for body in bodies])
     rows, losses, brake = [np.zeros((0, 5, size))], [np.zeros((0, 5, size))], np.zeros(size)
 
-    def at(place: slice, own: Array) -> Array:
+    def padded(place: slice, own: Array) -> Array:
         """Coefficients `own` of one body, padded by zeros to the modes of all bodies."""
         return np.pad(own, ((0, 0), (0, 0), (place.start, size - place.stop)))
 
     for body, place in zip(bodies, places, strict=True):
         if body.modes is None:
             continue
-        rows.append(at(place, body.modes.drive(body.damping, body.lag)))
+        rows.append(padded(place, body.modes.drive(body.damping, body.lag)))
         if body.damping.decay(body.omega).any():
-            losses.append(at(place, body.modes.losses(body.damping)))
+            losses.append(padded(place, body.modes.losses(body.damping)))
             brake[place] = body.modes.brake(body.damping)
 
     # of the force that a mode feels, with its lag times its rate
@@ -362,7 +362,7 @@ def _enclosures_of_run(
     kappa = np.ascontiguousarray(_difference_factors(bodies, spans))
 
     rows, losses, brake = _residual_channels(bodies)
-    kernels = (library.CLaw * m)(*[packed(law)[0] for law in laws])
+    kernels = (library.CLaw * m)(*[packed_law(law)[0] for law in laws])
     nodes = run.time.size
     lower = np.zeros((nodes, m))
     upper = np.full((nodes, m), np.inf)

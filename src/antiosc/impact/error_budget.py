@@ -64,25 +64,25 @@ class RepeatedImpact:
         self.by_law = by_law
         self.tol = tol
         self.runs: list[History] = []
-        self.raw = self.on(model)
+        self.raw_history = self.with_body(model)
 
-    def on(self, body: LinearBody) -> History:
-        """The impact on another body."""
+    def with_body(self, body: LinearBody) -> History:
+        """The history of the impact on another body."""
         self.runs.append(self.rerun(body, self.tol))
         return self.runs[-1]
 
-    def by(self, law: ContactLaw) -> History:
-        """The impact by another law."""
+    def with_law(self, law: ContactLaw) -> History:
+        """The history of the impact by another law."""
         self.runs.append(self.by_law(law, self.tol))
         return self.runs[-1]
 
-    def known(self, body: LinearBody, tol: float) -> History:
-        """The history on a body, without a new run for the model itself."""
-        return self.raw if body is self.model else self.on(body)
+    def history_of(self, body: LinearBody, tol: float) -> History:
+        """The history on a body; that of `model` needs no new run."""
+        return self.raw_history if body is self.model else self.with_body(body)
 
-    def change(self, body: LinearBody) -> RelativeErrors:
+    def relative_changes(self, body: LinearBody) -> RelativeErrors:
         """Relative changes of the quantities on another body."""
-        return bars.relative_changes_with_site(self.raw, self.on(body))
+        return bars.relative_changes_with_site(self.raw_history, self.with_body(body))
 
 
 #: Error bar, in standard deviations over the bodies (measured).
@@ -97,7 +97,7 @@ def measurement_errors(impact: RepeatedImpact) -> RelativeErrors:
 
     bodies = zip(*(np.asarray(facts[name]) for name in ("omega", "b", "r", "decay")), strict=True)
     changes = [
-        impact.change(ModalModel(ModalBody(omega, b, float(r), decay=decay)))
+        impact.relative_changes(ModalModel(ModalBody(omega, b, float(r), decay=decay)))
         for omega, b, r, decay in bodies
     ]
     draws = int(facts["draws"])
@@ -157,7 +157,7 @@ def error_budget(hit: History, rerun: RerunOnModel, by_law: RerunByLaw) -> Error
     if not hit.contacts:
         by_quantity = {name: ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0) for name in QUANTITIES}
         return ErrorBudget(by_quantity, 0.0, ("The bodies did not touch: nothing has a bar.",))
-    if hopeless := hit.assembly.hopeless:
+    if hopeless := hit.assembly.beyond_theory:
         no_bar = partial(ErrorBar, mesh=0.0, truncation=0.0, time=0.0, patch=0.0, without_mesh=True)
         bars_without = {name: no_bar(getattr(hit, name)) for name in QUANTITIES}
         no_mesh = capitalised(hopeless.replace("'structure'", "the part"))
@@ -172,10 +172,10 @@ def error_budget(hit: History, rerun: RerunOnModel, by_law: RerunByLaw) -> Error
     if stretches:
         model = replace(model, stretch=None)
     impact = RepeatedImpact(model, rerun, by_law, tol)
-    of_mesh = _mesh_errors(impact, WITHOUT_STRETCHING_WORDS if hit.assembly.stretched else "")
+    of_mesh = _mesh_errors(impact, WITHOUT_STRETCHING_WORDS if hit.assembly.stretch_forces else "")
     patch, patch_notes = _patch_errors(impact)
     law, law_reason = law_error(impact)
-    finer = None if hit.assembly.stretched else impact.raw  # that is linear
+    finer = None if hit.assembly.stretch_forces else impact.raw_history  # that is linear
     shares = {
         "mesh": of_mesh.mesh,
         "truncation": {**of_mesh.truncation, **_proved_errors(hit)},
@@ -191,7 +191,7 @@ def error_budget(hit: History, rerun: RerunOnModel, by_law: RerunByLaw) -> Error
         unknown["patch"] = NO_PATCH_NOTE
     if law_reason:
         unknown["law"] = law_reason
-    if not all(bars.are_comparable(impact.raw, run) for run in impact.runs):
+    if not all(bars.are_comparable(impact.raw_history, run) for run in impact.runs):
         unknown["contact_time"] = bars.UNCERTAIN_CONTACTS_TEXT
 
     def bar(name: str, value: float) -> ErrorBar:
@@ -200,7 +200,7 @@ def error_budget(hit: History, rerun: RerunOnModel, by_law: RerunByLaw) -> Error
         return ErrorBar(value, **causes, law=known_law, without_mesh=without_mesh)
 
     linear = LINEAR_BARS_NOTE if stretches and model.strain_error is not None else ""
-    third = THIRD_ORDER_NOTE if hit.assembly.stretched else ""
+    third = THIRD_ORDER_NOTE if hit.assembly.stretch_forces else ""
     further = filter(None, [linear, third])
     found = {name: bar(name, getattr(hit, name)) for name in QUANTITIES}
     if hit.site_motion is not None:
@@ -209,7 +209,7 @@ def error_budget(hit: History, rerun: RerunOnModel, by_law: RerunByLaw) -> Error
     return ErrorBudget(
         found,
         of_mesh.share,
-        (*patch_notes, *of_mesh.doubts, *further),
+        (*patch_notes, *of_mesh.notes, *further),
         of_mesh.safety,
         unknown,
         restitution_of(hit),
@@ -256,7 +256,7 @@ def restitution_of(hit: History) -> float | None:
     part = hit.assembly.bodies["structure"]
     loaded = len(scene.loads) > 0 or scene.base is not None or np.any(scene.gravity)
     e = hit.restitution
-    moves = part.start.any() or part.initial_displacements is not None
+    moves = part.start_velocities.any() or part.initial_displacements is not None
     if loaded or moves:
         return None
     if e is None or e < 0 or hit.assembly.system.first is not None:  # of dampers to the ground
@@ -269,8 +269,8 @@ GIVEN_LAW_NOTE = "The contact's law was given: its error is not in these bars."
 
 
 def law_error(impact: RepeatedImpact) -> tuple[RelativeErrors | None, str]:
-    """(relative errors by the contact law or None, why they are not in the bars or "")."""
-    hit = impact.raw
+    """Relative errors by the contact law, or None and the reason why the bars lack them."""
+    hit = impact.raw_history
     choice = choice_of(hit.law, hit.model, hit.impactor)
     if choice is None:
         return bars.ZERO_ERRORS, GIVEN_LAW_NOTE
@@ -281,7 +281,7 @@ def law_error(impact: RepeatedImpact) -> tuple[RelativeErrors | None, str]:
     laws = weakest_and_strongest(choice, hit.peak_force, end - start)
     changes = [
         bars.ZERO_ERRORS,
-        *(bars.relative_changes_with_site(hit, impact.by(law)) for law in laws),
+        *(bars.relative_changes_with_site(hit, impact.with_law(law)) for law in laws),
     ]
     share = error_of_law(choice, hit.peak_force)
 
@@ -312,10 +312,10 @@ COMPARISON_REMEDY = "compare two sizes of the cells, and two numbers of anti-osc
 def _stretch_errors(hit: History, model: AntiOscillators, impact: RepeatedImpact) -> RelativeErrors:
     """Relative errors by second-order modes that are left out, from runs with two more of them."""
     if model.stretch is None:
-        energy = hit.assembly.stretch_left_out
+        energy = hit.assembly.omitted_stretch_ratio
         return dict.fromkeys(BAR_UNITS, energy and max(OMITTED_SAFETY * energy, OMITTED_MIN_ERROR))
 
-    stretch = hit.assembly.stretched.get("structure")
+    stretch = hit.assembly.stretch_forces.get("structure")
     if stretch is None:
         return dict.fromkeys(BAR_UNITS, NEGLIGIBLE_SHARE)
     if model.stretch.count == "auto":
@@ -325,7 +325,7 @@ def _stretch_errors(hit: History, model: AntiOscillators, impact: RepeatedImpact
     else:
         count = min(stretch.size + 2, model.stretch.size)
         more = replace(model, stretch=replace(model.stretch, count=count))
-        stretch_errors = relative_differences(hit, impact.on(more))
+        stretch_errors = relative_differences(hit, impact.with_body(more))
 
     return stretch_shares(stretch_errors, energy_ratio_before_peak(hit))
 
@@ -348,32 +348,32 @@ class MeshErrors(NamedTuple):
     truncation: RelativeErrors = bars.ZERO_ERRORS
     share: float = 0.0  # strain error over strain energy
     safety: float = SAFETY  # the factor in the errors due to the mesh
-    doubts: Sequence[str] = ()  # notes
+    notes: Sequence[str] = ()
 
 
-def _mesh_errors(impact: RepeatedImpact, unstretched: str) -> MeshErrors:
+def _mesh_errors(impact: RepeatedImpact, linear_note: str) -> MeshErrors:
     """The errors due to the mesh and to truncation, from runs on other models.
 
     unstretched : words that the notes add if those runs leave out the stretching of the part.
     """
     model = impact.model
-    raw = impact.raw
+    raw = impact.raw_history
     no_error = model.strain_error is None and not model.info.no_estimate
     if not model.n or (no_error and not is_reduced(model)):
         return MeshErrors()
 
-    truncated = truncation_error(model, impact.known, tol=impact.tol)
+    truncated = truncation_error(model, impact.history_of, tol=impact.tol)
     truncation = {name: getattr(truncated, name) for name in BAR_UNITS}
     too_few = [TOO_FEW_NOTE.format(model.n)] if truncated.peak_force > WARNING_SHARE else []
     if model.strain_error is None:
-        return MeshErrors(truncation=truncation, doubts=too_few)
+        return MeshErrors(truncation=truncation, notes=too_few)
 
-    softer = impact.on(model.corrected())
+    softer = impact.with_body(model.corrected())
     share = energy_error(model, model.strain_error, amplitude_products(raw))
     safety, doubts = _safety_factor(model, share)
     changes = bars.relative_changes_with_site(raw, softer)
     if model.strain_misfit is not None:
-        unstiffened = impact.change(replace(model, strain_misfit=None).corrected())
+        unstiffened = impact.relative_changes(replace(model, strain_misfit=None).corrected())
         changes = {name: max(change, changes[name]) for name, change in unstiffened.items()}
     mesh = bars.with_floor({name: safety * change for name, change in changes.items()})
 
@@ -383,7 +383,7 @@ def _mesh_errors(impact: RepeatedImpact, unstretched: str) -> MeshErrors:
         doubts.insert(
             0,
             f"The mesh decides on the number of contacts: the main impact has {here} on this mesh"
-            f" and {corrected} on the corrected one{unstretched}, so that the contact times are not"
+            f" and {corrected} on the corrected one{linear_note}, so that the contact times are not"
             " comparable; a finer mesh decides.",
         )
 
@@ -477,7 +477,7 @@ def _patch_errors(impact: RepeatedImpact) -> tuple[RelativeErrors, list[str]]:
         return bars.ZERO_ERRORS, [NO_PATCH_NOTE]
     subtracted = min(change, model.local_compliance)
     local = model.local_compliance - subtracted
-    relative_change = impact.change(
+    relative_change = impact.relative_changes(
         replace(model, strain_error=None, strain_misfit=None, local_compliance=local)
     )
     if change and not any(relative_change.values()):  # the law does not contain the half-space

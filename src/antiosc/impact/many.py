@@ -188,8 +188,8 @@ class Many(Result):
 
         A run that failed counts as larger than all others.
         """
-        results = self._with_failed(quantity, impact)
-        return self._noted(quantity, len(results), quantile(results, q, confidence))
+        results = self._results_and_failures(quantity, impact)
+        return self._with_notes(quantity, len(results), quantile(results, q, confidence))
 
     def exceedance(
         self, quantity: str, limit: float, confidence: float = CONFIDENCE_LEVEL
@@ -197,7 +197,7 @@ class Many(Result):
         """The probability that a quantity exceeds `limit`, with its confidence interval; runs that
         failed exceed it.
         """
-        results = self._with_failed(quantity)
+        results = self._results_and_failures(quantity)
         limit = checks.number("limit", limit)
         count = int(np.sum(results > limit))
 
@@ -207,13 +207,13 @@ class Many(Result):
         level = _checked_share("confidence", confidence)
         ends = binomtest(count, len(results)).proportion_ci(level, "exact")
         share = Quantile(count / len(results), float(ends.low), float(ends.high))
-        return self._noted(quantity, len(results), share)
+        return self._with_notes(quantity, len(results), share)
 
-    def _with_failed(self, quantity: str, impact: int | None = None) -> Array:
+    def _results_and_failures(self, quantity: str, impact: int | None = None) -> Array:
         """(k,) finite results of a quantity, and an infinite one for each run that failed."""
         return np.append(self.finite(quantity, impact), np.full(len(self.failures), np.inf))
 
-    def _noted(self, quantity: str, counted: int, estimate: Quantile) -> Quantile:
+    def _with_notes(self, quantity: str, counted: int, estimate: Quantile) -> Quantile:
         """The quantile with notes on the runs that failed or lack the quantity."""
         lacking = len(self) - counted
         of = f"of {len(self)} {self.what}"
@@ -240,7 +240,7 @@ class Many(Result):
         """
         found: dict[str, object] = {self.what: len(self)}
 
-        for name in self._known():
+        for name in self._quantities():
             levels = {f"{100 * q:g} %": self.quantile(name, q).value for q in self.quantiles}
             found[name] = {q: value if np.isfinite(value) else None for q, value in levels.items()}
 
@@ -272,7 +272,7 @@ class Many(Result):
         axes.legend()
         return figure_or_path(figure, path)
 
-    def _known(self) -> list[str]:
+    def _quantities(self) -> list[str]:
         """Names of the quantities of which a run has a finite result."""
         return [name for name in self.values if np.isfinite(self.largest(name)).any()]
 
@@ -284,9 +284,9 @@ class Many(Result):
         levels = " and ".join(f"{100 * q:g}" for q in self.quantiles[-2:])
         levels = ", ".join([*(f"{100 * q:g}" for q in self.quantiles[:-2]), levels])
 
-        for name in self._known()[:3]:
+        for name in self._quantities()[:3]:
             values = ", ".join(f"{self.quantile(name, q).value:.4g}" for q in self.quantiles)
-            lacking = len(self) - len(self._with_failed(name))
+            lacking = len(self) - len(self._results_and_failures(name))
             lacks = f", without {lacking} {self.what}" if lacking else ""
             rows.append((name, f"{values} at {levels} %{lacks}"))
 

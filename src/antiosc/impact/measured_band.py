@@ -8,15 +8,15 @@ from antiosc.impact.histories import History
 from antiosc.models.body import info_of
 
 #: Least product of the top of the band [Hz] and the time of the pulse.
-LEAST_PRODUCT = 1.0
+MIN_TIME_BAND_PRODUCT = 1.0
 #: The spectrum of a force ends at the frequency below which this share of its energy lies.
 ENERGY_SHARE = 0.99
 #: This frequency times the duration of a half-sine: with |F| ∝ cos(πfT)/(1 − 4f²T²) it is 1.182.
-HALF_SINE = 1.18
+HALF_SINE_PRODUCT = 1.18
 #: Samples of the force in its transform.
-SAMPLES = 8192
+SAMPLE_COUNT = 8192
 #: Samples with zeros appended over those: the frequency is then within 1/8 of the record's inverse.
-PADDING = 8
+PADDING_FACTOR = 8
 
 
 def low_band_message(hit: History) -> str:
@@ -27,13 +27,13 @@ def low_band_message(hit: History) -> str:
 
     top = float(facts["top"]) / (2 * np.pi)
     pulse = pulse_time(hit)
-    if top * pulse >= LEAST_PRODUCT:
+    if top * pulse >= MIN_TIME_BAND_PRODUCT:
         return ""
     return (
         f"The measurement ends at {top:.4g} Hz, and the force is as short as a half-sine of"
-        f" {pulse:.3g} s: their product {top * pulse:.2g} is below {LEAST_PRODUCT:g}, and the force"
-        " depends on modes that were not measured; measure to a higher frequency, or take a softer"
-        " or heavier impactor."
+        f" {pulse:.3g} s: their product {top * pulse:.2g} is below {MIN_TIME_BAND_PRODUCT:g}, and"
+        " the force depends on modes that were not measured; measure to a higher frequency, or take"
+        " a softer or heavier impactor."
     )
 
 
@@ -41,8 +41,8 @@ def pulse_time(hit: History) -> float:
     """Duration [s] of the half-sine whose spectrum ends at the frequency where the force's ends."""
     start = hit.contacts[0][0]
     end = hit.contacts[-1][1]
-    time = np.linspace(start, end, SAMPLES)
-    energy = np.cumsum(np.abs(np.fft.rfft(hit.force_at(time), PADDING * SAMPLES)) ** 2)
+    time = np.linspace(start, end, SAMPLE_COUNT)
+    energy = np.cumsum(np.abs(np.fft.rfft(hit.force_at(time), PADDING_FACTOR * SAMPLE_COUNT)) ** 2)
     reach = int(np.searchsorted(energy, ENERGY_SHARE * energy[-1])) or 1
 
-    return HALF_SINE * PADDING * (end - start) / reach
+    return HALF_SINE_PRODUCT * PADDING_FACTOR * (end - start) / reach

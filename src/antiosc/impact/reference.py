@@ -60,15 +60,15 @@ StepPredictor = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
 def newmark(s: System, h: float) -> tuple[Array, Array, StepPredictor]:
     """Newmark's method (average acceleration) with the step h [s].
 
-    Returns what a unit force on each row takes from the modal displacements and velocities at the
-    end of a step, (m, J) each, and a function that gives both without that force.
+    Returns the decrease of the modal displacements and velocities at the end of a step by a unit
+    force on each row, (m, J) each, and a function that predicts both without these forces.
     """
     x = s.omega**2
     scale = 1 + h * s.decay + h * h * x / 4
     slower = h / 2 * s.beta / scale
 
-    def predict(q: Array, v: Array, pull: Array, load: Array) -> tuple[Array, Array]:
-        a = pull - x * q - 2 * s.decay * v
+    def predict(q: Array, v: Array, start_forces: Array, load: Array) -> tuple[Array, Array]:
+        a = start_forces - x * q - 2 * s.decay * v
         v1 = (v + h / 2 * (a + load - x * (q + h / 2 * v))) / scale
         return q + h / 2 * (v + v1), v1
 
@@ -80,8 +80,8 @@ def leapfrog(s: System, h: float) -> tuple[Array, Array, StepPredictor]:
     x = s.omega**2
     scale = 1 + h * s.decay
 
-    def predict(q: Array, v: Array, pull: Array, load: Array) -> tuple[Array, Array]:
-        half = v + h / 2 * (pull - x * q - 2 * s.decay * v)
+    def predict(q: Array, v: Array, start_forces: Array, load: Array) -> tuple[Array, Array]:
+        half = v + h / 2 * (start_forces - x * q - 2 * s.decay * v)
         q1 = q + h * half
         return q1, (half + h / 2 * (load - x * q1)) / scale
 
@@ -102,8 +102,8 @@ def run_in_fixed_steps(s: System, step: float, duration: float, settings: Settin
     A = s.R + less @ s.beta.T
     A_rate = slower @ s.beta.T + s.R / h
 
-    contacts = Contacts(s.laws, s.R, s.closed.tolist(), s.slowest)
-    q, v, force = s.q, s.v, np.asarray(s.pressed, dtype=float)
+    contacts = Contacts(s.laws, s.R, s.closed.tolist(), s.least_speeds)
+    q, v, force = s.q, s.v, np.asarray(s.start_forces, dtype=float)
     end = StepEnd(force, s.beta @ q - gaps[0] - s.R @ force, s.beta @ v)
     nodes = [(end.force, end.delta, q, v)]
     status = library.DONE
@@ -214,7 +214,7 @@ class _EventSolver:
         self.system = system
         self.settings = settings
         self.longest = longest
-        self.contacts = Contacts(system.laws, system.R, system.closed.tolist(), system.slowest)
+        self.contacts = Contacts(system.laws, system.R, system.closed.tolist(), system.least_speeds)
         self.evaluations = 0
 
     def run(self, duration: float) -> Run:
@@ -226,13 +226,13 @@ class _EventSolver:
         steps = idle = 0
 
         while status == library.DONE and duration - t > SAME_TIME_SHARE * duration:
-            found = self._solved(t, y, duration)
-            pieces.append(self._recorded(found.t, found.sol))
+            found = self._solve_to_event(t, y, duration)
+            pieces.append(self._nodes_of_steps(found.t, found.sol))
             steps += found.t.size - 1
             idle = idle + 1 if found.t[-1] - t <= SAME_TIME_SHARE * duration else 0
             t, y = float(found.t[-1]), found.y[:, -1]
 
-            rate = self._at(t, y)[1]
+            rate = self._contact_state(t, y)[1]
             for c, times in enumerate(found.t_events):
                 if not times.size or times[-1] != t:
                     continue
@@ -253,7 +253,7 @@ class _EventSolver:
             s, contacts, [np.concatenate(column) for column in columns], status, steps
         )
 
-    def _at(self, t: float, y: Array) -> tuple[Array, Array, Array, Array]:
+    def _contact_state(self, t: float, y: Array) -> tuple[Array, Array, Array, Array]:
         """Indentations without contact forces, their rates, the forces and the loads at time t."""
         s = self.system
         q, v = y.reshape(2, -1)
@@ -262,8 +262,8 @@ class _EventSolver:
 
         return free, rate, self.contacts.forces(free, s.R, rate, 0.0 * s.R), load + since * rise
 
-    def _slope(self, t: float, y: Array) -> Array:
-        """Right-hand side of the equations."""
+    def _derivative(self, t: float, y: Array) -> Array:
+        """Time derivative of the state y: the right-hand side of the equations of motion."""
         s = self.system
         self.evaluations += 1
         if self.evaluations > MAX_EVALUATIONS_PER_STEP * self.settings.max_steps:
@@ -273,10 +273,10 @@ class _EventSolver:
             )
 
         q, v = y.reshape(2, -1)
-        _, _, force, load = self._at(t, y)
+        _, _, force, load = self._contact_state(t, y)
         return np.concatenate((v, load - force @ s.beta - s.omega**2 * q - 2 * s.decay * v))
 
-    def _solved(self, t: float, y: Array, duration: float) -> Any:
+    def _solve_to_event(self, t: float, y: Array, duration: float) -> Any:
         """SciPy's result up to the next event or corner of a load."""
         from scipy.integrate import solve_ivp  # loaded where it is used: it takes long
 
@@ -294,34 +294,34 @@ class _EventSolver:
         rtol = max(IVP_TOL_RATIO * self.settings.tol, MIN_IVP_TOL)
         with np.errstate(all="ignore"):
             found = solve_ivp(
-                self._slope,
+                self._derivative,
                 (t, until),
                 y,
                 method=self.settings.method,
                 rtol=rtol,
                 atol=np.maximum(1e-3 * rtol * np.concatenate(sizes), 1e-300),
                 max_step=self.longest,
-                events=[self._event(c) for c in range(len(self.contacts.closed))],
+                events=[self._contact_event(c) for c in range(len(self.contacts.closed))],
                 dense_output=True,
             )
         if found.status < 0:
             raise NotConvergedError(f"{found.message} Use the method 'exact'.")
         return found
 
-    def _event(self, c: int) -> Callable[[float, Array], float]:
+    def _contact_event(self, c: int) -> Callable[[float, Array], float]:
         """Event for `solve_ivp`: its root is where contact c touches or, if closed, parts."""
         R = self.system.R
         closed = self.contacts.closed[c]
         rest = 1e-300 if closed else -1e-300  # at its origin it neither touches nor parts
 
         def excess(t: float, y: Array) -> float:
-            free, _, force, _ = self._at(t, y)
+            free, _, force, _ = self._contact_state(t, y)
             return float(free[c] - R[c] @ force + R[c, c] * force[c]) or rest
 
         vars(excess).update(terminal=True, direction=-1.0 if closed else 1.0)
         return excess
 
-    def _recorded(self, ends: Array, at: Callable[[Array], Array]) -> tuple[Array, ...]:
+    def _nodes_of_steps(self, ends: Array, at: Callable[[Array], Array]) -> tuple[Array, ...]:
         """Time, force, depth, states at the nodes of steps, each divided into `NODES_PER_STEP`.
 
         ends : (n,) ends of the steps [s]; at : motion (2 J, k) at times (k,).
@@ -329,7 +329,7 @@ class _EventSolver:
         share = np.arange(2 * NODES_PER_STEP) / (2 * NODES_PER_STEP)
         t = np.append((ends[:-1, None] + np.diff(ends)[:, None] * share).ravel(), ends[-1])
         y = at(t).T
-        found = [self._at(float(time), row) for time, row in zip(t, y, strict=True)]
+        found = [self._contact_state(float(time), row) for time, row in zip(t, y, strict=True)]
         free, _, force, _ = map(np.array, zip(*found, strict=True))
         depth = free - force @ self.system.R
         return t, force, depth, y[::2].reshape(-1, 2, self.system.omega.size)

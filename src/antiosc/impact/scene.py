@@ -272,7 +272,7 @@ def _integrated_history(
 
     run = converged.run
     still_open = open_contacts(run, assembly.system)
-    errors = converged.force, converged.peak, converged.certain
+    errors = converged.force, converged.peak, converged.certain_time
     end = RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
     status, message = status_of(assembly, end, tol, limits)
 
@@ -535,16 +535,16 @@ class RepeatableImpact(RepeatableRun):
 
     def rerun(self, model: LinearBody, tol: float) -> History:
         """Simulate the impact on another model by the exact method, without warnings."""
-        return self._exactly(tol, model=model)
+        return self._run_exactly(tol, model=model)
 
     def by_law(self, law: ContactLaw, tol: float) -> History:
         """As `rerun`, with another law and without second-order forces of the part."""
         model = self.impact.model
         if isinstance(model, AntiOscillators) and model.stretch is not None:
             model = replace(model, stretch=None)
-        return self._exactly(tol, model=model, contact=law)
+        return self._run_exactly(tol, model=model, contact=law)
 
-    def _exactly(self, tol: float, **changes: Any) -> History:
+    def _run_exactly(self, tol: float, **changes: Any) -> History:
         exact = replace(self.settings, tol=tol, method="exact", step=None)
         with without_warnings():
             return simulate_impact(self.impact._replace(**changes), exact)

@@ -28,7 +28,7 @@ from antiosc.base.checks import Checked, checked_by
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
 from antiosc.engine.contact import ContactLaw
-from antiosc.engine.system import side_by_side
+from antiosc.engine.system import consecutive_slices
 from antiosc.impact.bodies import PARALLEL_COSINE, Obstacle, RigidBody, SceneBody
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import AUTO, LAW_RULE, checked_body, choice_at_sites, is_auto
@@ -290,8 +290,8 @@ class StackedBodies(NamedTuple):
 
 def stacked_bodies(bodies: Mapping[str, SceneBody]) -> StackedBodies:
     """Put the modes and columns of all bodies side by side."""
-    modes = side_by_side([body.omega.size for body in bodies.values()])
-    sites = side_by_side([body.B.shape[1] for body in bodies.values()])
+    modes = consecutive_slices([body.omega.size for body in bodies.values()])
+    sites = consecutive_slices([body.B.shape[1] for body in bodies.values()])
     spans, columns = (dict(zip(bodies, slices, strict=True)) for slices in (modes, sites))
     size, total = modes[-1].stop, sites[-1].stop
     B = np.zeros((size, total))
@@ -303,7 +303,7 @@ def stacked_bodies(bodies: Mapping[str, SceneBody]) -> StackedBodies:
         r[columns[name], columns[name]] = body.r
         omega[span] = body.omega
         decay[span] = body.decay
-        v[span] = body.start
+        v[span] = body.start_velocities
         if body.initial_displacements is not None:
             q[span] = body.initial_displacements
 
@@ -336,7 +336,7 @@ def find_site(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
 def set_axes(
     ends: Sequence[tuple[ContactEnd, ContactEnd]], bodies: Mapping[str, SceneBody]
 ) -> None:
-    """Give sites without a direction (`SceneBody.axes`) the direction of their contacts."""
+    """Give sites without a direction (`SceneBody.site_axes`) the direction of their contacts."""
     open_ends = [
         [(body.name, at) for body, at in pair if body.sites[at] and body.directions is None]
         for pair in ends
@@ -346,8 +346,8 @@ def set_axes(
         direction = contact_direction(*pair)
         while direction is not None and linked_ends:
             name, at = linked_ends.pop()
-            if at not in bodies[name].axes:
-                bodies[name].axes[at] = direction
+            if at not in bodies[name].site_axes:
+                bodies[name].site_axes[at] = direction
                 linked_ends += [linked for link in links if (name, at) in link for linked in link]
 
 
@@ -388,7 +388,7 @@ def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> A
 
 def contact_direction(a: ContactEnd, b: ContactEnd) -> Array | None:
     """Direction (3,) of a contact in space; None if neither end has one."""
-    return a[0].pushes.get(a[1], b[0].pushes.get(b[1]))
+    return a[0].push_directions.get(a[1], b[0].push_directions.get(b[1]))
 
 
 def contact_row(
@@ -456,7 +456,7 @@ def _motion_axis(body: SceneBody) -> Array | None:
         if body.inertia is None:
             return body.directions[0]
         return None
-    return next(iter(body.axes.values()), None)
+    return next(iter(body.site_axes.values()), None)
 
 
 def external_forces(
@@ -468,7 +468,7 @@ def external_forces(
         body, site = find_site(load.end, bodies)
         if isinstance(body.body, Obstacle):
             raise InputError(f"the load on {load.end!r} acts on an obstacle, which does not move.")
-        row = site_row(body, site, body.pushes.get(site), load.end)
+        row = site_row(body, site, body.push_directions.get(site), load.end)
         value = np.interp(t, load.times, load.forces)
         total[:, stacked.columns[body.name]] += value[:, None] * row
 
@@ -565,7 +565,7 @@ def _unit_loads(body: SceneBody, vector: bool) -> Array:
     if body.weight is not None and body.weight.ndim == 2:
         if vector:
             return body.weight
-        axes = np.unique(np.round(list(body.pushes.values()), 9), axis=0)
+        axes = np.unique(np.round(list(body.push_directions.values()), 9), axis=0)
         if len(axes) == 1:
             return np.asarray(body.weight @ axes[0])[:, None]
         raise InputError(

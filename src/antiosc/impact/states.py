@@ -101,7 +101,7 @@ def modal_states(run: Run, system: System, step: Index, since: Array) -> tuple[A
 
 def integrated_states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
     """States (n, I) of the integrated modes at times since the starts of steps."""
-    q, v = integrated_starts(run, system, step)
+    q, v = integrated_start_states(run, system, step)
     if run.time.size < 3:
         return q, v
     return _advanced_states(run, system, step, since, q, v)
@@ -131,10 +131,10 @@ def modal_start_states(run: Run, system: System, step: Index) -> tuple[Array, Ar
 
     A number one beyond the last step gives the end of the run.
     """
-    return _free_modes(system, *integrated_starts(run, system, step))
+    return _free_modes(system, *integrated_start_states(run, system, step))
 
 
-def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
+def integrated_start_states(run: Run, system: System, step: Index) -> tuple[Array, Array]:
     """States (n, I) of the integrated modes at the starts of steps."""
     assert run.states is not None
     if run.every == 1:
@@ -221,7 +221,7 @@ def node_states(
     )
     marched = system.marched.omega.size
     q, v = (np.empty((nodes, marched)) for _ in range(2))
-    q[::2], v[::2] = integrated_starts(run, system, np.arange(first, last + 1))
+    q[::2], v[::2] = integrated_start_states(run, system, np.arange(first, last + 1))
 
     block = max(RESPONSES_AT_ONCE // max(size, 1), 1)
     for start in range(first, last, block):
@@ -269,7 +269,7 @@ def with_flight_nodes(run: Run, system: System) -> Run:
     )
     start_steps = np.append(step, h.size)[:: run.every]
     delays = np.append(since, 0.0)[:: run.every]
-    q, v = integrated_starts(run, system, start_steps)
+    q, v = integrated_start_states(run, system, start_steps)
     long_flights = np.flatnonzero(delays)
     q[long_flights], v[long_flights] = _advanced_states(
         run,

@@ -75,35 +75,36 @@ def with_stretch_rows(a: Assembly, by_body: Mapping[str, Stretch]) -> Assembly:
 
     G = np.pad(a.G, ((0, count), (0, 0)))
 
-    return replace(a, G=G, system=system.with_rows(rows, quadratic, cubic), stretched=dict(by_body))
+    system = system.with_rows(rows, quadratic, cubic)
+    return replace(a, G=G, system=system, stretch_forces=dict(by_body))
 
 
 @dataclass(frozen=True)
 class StretchedMotion:
     """The motion of a body with second-order forces in a run."""
 
-    forces: Stretch  # its second-order forces
+    stretch: Stretch  # its second-order forces
     omega: Array  # (J,) rad/s, of the free modes
     amplitude: Array  # (m, m) triangular factor of the amplitudes (n, m) of its modes
     #: largest static displacement of a site by the forces, over its largest displacement
     change: float
 
-    def first(self, count: int) -> Stretch:
+    def leading(self, count: int) -> Stretch:
         """The second-order forces in the `count` motions with the largest amplitudes.
 
         A number that the user has set takes the place of `count`.
         """
-        if self.forces.count != "auto":
-            count = self.forces.count
-        if count >= self.forces.size:
-            return self.forces
+        if self.stretch.count != "auto":
+            count = self.stretch.count
+        if count >= self.stretch.size:
+            return self.stretch
 
-        space = min(max(KRYLOV_SIZE, count), self.forces.size)
+        space = min(max(KRYLOV_SIZE, count), self.stretch.size)
         _, _, rotation = np.linalg.svd(self.amplitude[:, :space])
-        turn = np.zeros((self.forces.size, min(count, space)))
+        turn = np.zeros((self.stretch.size, min(count, space)))
         turn[:space] = rotation.T[:, :count]
 
-        return self.forces.turned(turn, self.omega)
+        return self.stretch.turned(turn, self.omega)
 
 
 def motion_of(history: History, name: str) -> StretchedMotion | None:
@@ -127,7 +128,7 @@ def motion_of(history: History, name: str) -> StretchedMotion | None:
     return StretchedMotion(forces, body.omega, triangle, change)
 
 
-def with_stretch(linear: H, again: IntegrateAssembly[H], tol: float) -> tuple[H, str]:
+def with_stretch(linear: H, integrate: IntegrateAssembly[H], tol: float) -> tuple[H, str]:
     """Repeat a linear run with second-order forces of its bodies.
 
     again : integrates an assembly; tol : relative error to aim at. Returns the run, or `linear` if
@@ -137,7 +138,7 @@ def with_stretch(linear: H, again: IntegrateAssembly[H], tol: float) -> tuple[H,
     every_motion = {name: motion_of(linear, name) for name in a.bodies}
     motion_by_body = {name: motion for name, motion in every_motion.items() if motion is not None}
     force = largest_force(linear)
-    fixed = not any(motion.forces.count == "auto" for motion in motion_by_body.values())
+    fixed = not any(motion.stretch.count == "auto" for motion in motion_by_body.values())
     if not fixed and max(motion.change for motion in motion_by_body.values()) <= NEGLIGIBLE_SHARE:
         return linear, ""
 
@@ -148,14 +149,14 @@ def with_stretch(linear: H, again: IntegrateAssembly[H], tol: float) -> tuple[H,
             )
 
     aim = max(tol, MIN_STRETCH_TOL)
-    most_modes = min(max(motion.forces.size for motion in motion_by_body.values()), MOST_MODES)
+    most_modes = min(max(motion.stretch.size for motion in motion_by_body.values()), MOST_MODES)
     count = min(INITIAL_MODE_COUNT, most_modes)
     runs: list[H] = []
     changes: list[dict[str, float]] = []
 
     while True:
-        stretches = {name: motion.first(count) for name, motion in motion_by_body.items()}
-        run = again(with_stretch_rows(a, stretches))
+        stretches = {name: motion.leading(count) for name, motion in motion_by_body.items()}
+        run = integrate(with_stretch_rows(a, stretches))
         run.assembly.stretch_effect = largest_force(run) / force - 1 if force else 0.0
         if fixed:
             return run, ""
@@ -172,9 +173,9 @@ def with_stretch(linear: H, again: IntegrateAssembly[H], tol: float) -> tuple[H,
 
     found = runs[-1] if runs else run
     found.error.update({f"stretch {name}": value for name, value in last.items()})
-    found.assembly.stretch_settled = unsettled <= aim
+    found.assembly.stretch_converged = unsettled <= aim
     if last and unsettled > max(tol, WARN_CHANGE):
-        count = max(forces.size for forces in found.assembly.stretched.values())
+        count = max(forces.size for forces in found.assembly.stretch_forces.values())
         return found, _too_few_text(count, stretch_shares_of(found))
     return found, ""
 
@@ -189,7 +190,7 @@ def energy_ratio_before_peak(history: History) -> float:
     a = history.assembly
     most = 0.0
 
-    for name, forces in a.stretched.items():
+    for name, forces in a.stretch_forces.items():
         q = motion[:, a.spans[name]]
         linear = float(np.sum((a.bodies[name].omega * q) ** 2, axis=1).max()) / 2 or 1e-300
         amplitude = q @ forces.modes
@@ -223,7 +224,7 @@ def relative_differences(first: History, second: History) -> dict[str, float]:
             worst = {name: max(value, changes[name]) for name, value in worst.items()}
 
     deflections = [
-        [largest_deflection(run, name) for name in run.assembly.stretched]
+        [largest_deflection(run, name) for name in run.assembly.stretch_forces]
         for run in (first, second)
     ]
     apart = [abs(a - b) / max(a, b, 1e-300) for a, b in zip(*deflections, strict=True)]

@@ -190,7 +190,7 @@ def softest_model(model: AntiOscillators) -> AntiOscillators:
     n = model.n
     if _is_unconverged(model):
         masses, omega, psi = _gauss_rule(
-            np.append(model.m0, model.m), model.omega, _expansion_point(model)
+            np.append(model.m0, model.m), model.omega, _squared_expansion_point(model)
         )
     else:
         spacing = model.omega[-1] - model.omega[-2] if n > 1 else model.omega[-1]
@@ -245,7 +245,7 @@ def _combined_model(
 def halved_model(model: AntiOscillators) -> AntiOscillators:
     """A model of the Krylov method with half of its Krylov space; it may have several sites."""
     P = np.sqrt(model.m)[None] if model.P is None else model.P
-    modes, omega = _krylov_modes(P, model.omega, _expansion_point(model), model.n // 2)
+    modes, omega = _krylov_modes(P, model.omega, _squared_expansion_point(model), model.n // 2)
     p = model.n_sites
     rows = slice(p, p + model.n)
     if not model.sites:
@@ -277,7 +277,7 @@ def _krylov_modes(P: Array, omega: Array, point: float, count: int) -> tuple[Arr
     """A Krylov space by Lanczos' block recurrence.
 
     P : (p, n) momenta of the modes at the sites; omega : (n,) their frequencies [rad/s]; point :
-    `_expansion_point`. Returns modes (n, k), k <= count, and their frequencies (k,).
+    `_squared_expansion_point`. Returns modes (n, k), k <= count, and their frequencies (k,).
     """
     highest = 1 / (omega[0] ** 2 + point)
     lam = (omega[0] ** 2 + point) / (omega**2 + point)
@@ -354,7 +354,7 @@ def _is_unconverged(model: AntiOscillators) -> bool:
     return model.info.method == "krylov" and (model.info.converged or 0) < model.n
 
 
-def _expansion_point(model: AntiOscillators) -> float:
+def _squared_expansion_point(model: AntiOscillators) -> float:
     """Square p² [rad²/s²] of the expansion point p of a model."""
     point = model.info.get("expansion", 0.0)
     return (2 * np.pi * point) ** 2

@@ -47,7 +47,7 @@ class ModalPair(NamedTuple):
     #: structure, impactor: the bodies as a scene has them, with their motion at the start
     structure: SceneBody
     impactor: SceneBody
-    pull: Sequence[Array | None]  # modal forces of gravity on each; None without gravity
+    gravity_forces: Sequence[Array | None]  # modal forces of gravity on each; None without gravity
 
     @property
     def modes(self) -> tuple[ModalBody, ModalBody]:
@@ -55,7 +55,7 @@ class ModalPair(NamedTuple):
         return cast("tuple[ModalBody, ModalBody]", (self.structure.modes, self.impactor.modes))
 
     @property
-    def local(self) -> float:
+    def patch_compliance(self) -> float:
         """Half-space compliance [m/N] of the patches."""
         return self.structure.local_compliance[""] + self.impactor.local_compliance[""]
 
@@ -71,13 +71,13 @@ class ModalPair(NamedTuple):
             return self.impactor.gap
         return checks.nonnegative("gap", gap, "m")
 
-    def posed(self, law: ContactLaw, gap: float) -> System:
+    def system(self, law: ContactLaw, gap: float) -> System:
         """The system of both bodies with one contact."""
         pair = self.structure, self.impactor
         modes = self.modes
         bodies = [
-            BodyModes(one.omega, one.decay, one.closing, body.start, pull)
-            for one, body, pull in zip(modes, pair, self.pull, strict=True)
+            BodyModes(one.omega, one.decay, one.closing, body.start_velocities, pull)
+            for one, body, pull in zip(modes, pair, self.gravity_forces, strict=True)
         ]
         coupled = any(one.damping is not None for one in modes)
         first = stacked_first_order(pair) if coupled else None
@@ -159,12 +159,12 @@ def assemble_pair(impact: Impact) -> Assembly:
     model, impactor, contact, duration, _, gravity, gap = impact
     pair = modal_pair(impact)
     checks.instance("contact", contact, ContactLaw, LAW_RULE)
-    law, notes = without_patch(contact, pair.local, "structure", "impactor")
+    law, notes = without_patch(contact, pair.patch_compliance, "structure", "impactor")
     gap = pair.gap(gap)
 
-    system = pair.posed(law, gap)
+    system = pair.system(law, gap)
     check_span(system, duration)
-    contact_time = system.expect_contact(pair.mass, duration)
+    contact_time = system.estimate_contact(pair.mass, duration)
 
     bodies = {"structure": pair.structure, "impactor": pair.impactor}
     scene = two_body_parts(model, impactor, contact, gap, gravity)
@@ -248,12 +248,12 @@ class ImpactRows:
         self.pair = modal_pair(impacts[0])
         count = len(impacts)
         laws = {id(impact.contact): impact.contact for impact in impacts}  # equal ones stay equal
-        local = self.pair.local
+        local = self.pair.patch_compliance
         own = {k: without_patch(law, local, "structure", "impactor")[0] for k, law in laws.items()}
         self.laws = [cast("Compiled", own[id(impact.contact)]) for impact in impacts]
         gaps = np.array([self.pair.gap(impact.gap) for impact in impacts])
         durations = [checks.positive("duration", impact.duration, "s") for impact in impacts]
-        system = self.pair.posed(self.laws[0], gaps[0])
+        system = self.pair.system(self.laws[0], gaps[0])
         if system.first is not None:
             raise InputError("damping that couples modes is integrated one by one.")
         check_span(system, max(durations))
@@ -293,7 +293,7 @@ class ImpactRows:
         v[:, -1] = -(np.array([striker.velocity for striker in strikers]) * b / (b * b))
         return beta, v, 1 / (self.pair.modes[0].mobility + b * b)
 
-    def solved(
+    def solve(
         self, report: Callable[[int], None]
     ) -> tuple[NDArray[np.void], list[tuple[Array, Array]]]:
         """The outcomes (`aom_outcome`), and nodes [s] and forces [N] of the contacts of each."""
@@ -316,7 +316,7 @@ class ImpactRows:
         status = library.PAUSED
         while status in (library.PAUSED, library.FULL):
             status = library.library.aom_batch_solve(*arguments)
-            pulses += space.take_pulses(outcomes["n_nodes"][len(pulses) : count.value])
+            pulses += space.read_pulses(outcomes["n_nodes"][len(pulses) : count.value])
             report(count.value)
 
         return outcomes, pulses
@@ -339,7 +339,7 @@ class _Workspace:
         arguments = library.address(self.memory), self.memory.nbytes, byref(self.batch)
         library.library.aom_batch_create(size, *arguments)
 
-    def take_pulses(self, counts: NDArray[np.int64]) -> list[tuple[Array, Array]]:
+    def read_pulses(self, counts: NDArray[np.int64]) -> list[tuple[Array, Array]]:
         """Copy the nodes of all impacts and empty the buffers."""
         time, force = (array[: self.nodes.n_nodes].copy() for array in (self.time, self.force))
         self.nodes.n_nodes = 0

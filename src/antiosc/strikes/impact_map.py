@@ -404,24 +404,24 @@ def _with_impacts(
     )
 
 
-def with_stresses(structure: Structure, struck: ImpactMap, most: int | None) -> ImpactMap:
+def with_stresses(structure: Structure, impact_map: ImpactMap, most: int | None) -> ImpactMap:
     """A map with the largest stresses at `most` sound sites that lie apart; None: at all."""
-    assert struck.forces is not None
-    assert struck.duration is not None
-    assert struck.free_sites is not None
-    which = np.arange(len(struck)) if most is None else spread_sites(struck, most)
-    forces = [struck.forces[i] for i in which]
-    zones = np.zeros(len(struck))
+    assert impact_map.forces is not None
+    assert impact_map.duration is not None
+    assert impact_map.free_sites is not None
+    which = np.arange(len(impact_map)) if most is None else spread_sites(impact_map, most)
+    forces = [impact_map.forces[i] for i in which]
+    zones = np.zeros(len(impact_map))
     if with_parts(structure).members()[0].part.kind.outside:
-        assert struck.peak_force is not None
-        laws = struck.laws or (struck.contact,) * len(struck)
-        radii = [*map(_yielding_radius, laws, struck.peak_force.tolist())]
+        assert impact_map.peak_force is not None
+        laws = impact_map.laws or (impact_map.contact,) * len(impact_map)
+        radii = [*map(_yielding_radius, laws, impact_map.peak_force.tolist())]
         zones = PLASTIC_ZONE_RADII * np.array(radii)
 
-    balls = np.column_stack([struck.points, zones])
-    arguments = forces, struck.duration, which, balls
-    stresses = largest_stresses(structure, struck.free_sites, *arguments)
-    return replace(struck, **stresses._asdict())
+    balls = np.column_stack([impact_map.points, zones])
+    arguments = forces, impact_map.duration, which, balls
+    stresses = largest_stresses(structure, impact_map.free_sites, *arguments)
+    return replace(impact_map, **stresses._asdict())
 
 
 def _yielding_radius(law: ContactLaw | None, force: float) -> float:

@@ -234,10 +234,10 @@ class ImpactMap(CompletedResult):
 NO_RELIABLE_SITE = "No site is free of doubts"
 
 
-def with_doubts(impact_map: ImpactMap, which: BoolArray, reason: str) -> ImpactMap:
+def with_doubts(impact_map: ImpactMap, mask: BoolArray, reason: str) -> ImpactMap:
     """The map with further doubtful sites, a mask (P,), and their reason if they have none yet."""
-    reasons = np.where(which & ~impact_map.doubtful, reason, impact_map.reasons)
-    return replace(impact_map, doubtful=impact_map.doubtful | which, reasons=reasons)
+    reasons = np.where(mask & ~impact_map.doubtful, reason, impact_map.reasons)
+    return replace(impact_map, doubtful=impact_map.doubtful | mask, reasons=reasons)
 
 
 def doubts_text(impact_map: ImpactMap) -> str:

@@ -48,7 +48,7 @@ class _ShapeStresses(NamedTuple):
     strength : (S,) yield strengths [Pa], NaN where unknown.
     """
 
-    modes: Array
+    components: Array
     points: Array
     strength: Array
 
@@ -58,19 +58,19 @@ def largest_stresses(
     sites: FreeSites,
     forces: list[ForceSeries],
     duration: float,
-    which: IntArray,
+    site_numbers: IntArray,
     balls: Array,
 ) -> MapStresses:
-    """The largest stresses in impacts at the sites `which`; NaN at the others, on every rank.
+    """The largest stresses in impacts at `site_numbers`; NaN at the other sites, on every rank.
 
     `balls` (P, 4): x, y, z and radius [m] of what is left out for the impact at each site.
     """
     places = sides(structure)
     with doing("stresses of the free modes"):
         modes = _stresses_of_shapes(structure, sites.phi, places)
-    b = sites.b[which]
+    b = sites.b[site_numbers]
     slow = b / (sites.omega**2 + structure.shift)
-    loads = sites.map_sites.sites.loads[:, which]
+    loads = sites.map_sites.sites.loads[:, site_numbers]
     largest: list[tuple[float, Array, float]] = []
 
     with counting("stresses of the map", len(forces)) as ready:
@@ -82,7 +82,7 @@ def largest_stresses(
             def work(
                 span: slice = span, rest: _ShapeStresses = residual_stresses
             ) -> list[tuple[float, Array, float]]:
-                arguments = sites.omega, b[span], forces[span], duration, balls[which[span]]
+                arguments = sites.omega, b[span], forces[span], duration, balls[site_numbers[span]]
                 found = []
                 for one in _stresses_of_sites(modes, rest, *arguments):
                     found.append(one)
@@ -95,7 +95,7 @@ def largest_stresses(
     columns = [np.array(column) for column in zip(*largest, strict=True)]
     at_all = [np.full((len(sites.b), *column.shape[1:]), np.nan) for column in columns]
     for of_all, column in zip(at_all, columns, strict=True):
-        of_all[which] = column
+        of_all[site_numbers] = column
     values, points, exposure = at_all
 
     return MapStresses(values, None if np.isnan(exposure).all() else exposure, points)
@@ -139,9 +139,9 @@ def _stresses_of_sites(
     omega = np.broadcast_to(omega, b.shape)
     run = list(motions_from_rest(omega, b, np.zeros_like(b), site_forces, durations, steps))
     q, F = (np.array([step[k] for step in run], np.float32) for k in (1, 2))
-    columns = np.concatenate([modes.modes, residual_stresses.modes[:, :, :1]], axis=2)
+    columns = np.concatenate([modes.components, residual_stresses.components[:, :, :1]], axis=2)
     for i in range(count):
-        columns[:, :, -1] = residual_stresses.modes[:, :, i]
+        columns[:, :, -1] = residual_stresses.components[:, :, i]
         x = np.column_stack([q[:, i], F[:, i]])
         outside = ~is_within(modes.points, balls[i : i + 1])
         outside |= not outside.any()

@@ -76,11 +76,11 @@ def _run_of_either_order(
     solid = _is_solid(structure)
     is_far = any(
         largest_deflection(linear, name) > THIRD_ORDER_DEFLECTION_RATIO * h
-        for name, h in sheets_of_run(linear, held=True)
+        for name, h in sheets_of_run(linear, supported=True)
     )
     energy = second_order_energy_ratio(structure, linear) if solid or is_far else inf
     if solid and energy <= SLIGHT_ENERGY_RATIO:
-        linear.assembly.stretch_left_out = energy
+        linear.assembly.omitted_stretch_ratio = energy
         return linear, told
 
     if not HOPELESS_ENERGY_RATIO < energy < inf:
@@ -88,9 +88,9 @@ def _run_of_either_order(
             stretched, told_stretched = _run_with_warnings(run, stretching(structure, model))
         except InputError:  # of a given step or another method: the linear run tells
             return linear, told
-        if not stretched.assembly.stretched:
+        if not stretched.assembly.stretch_forces:
             return linear, told
-        settled = stretched.assembly.stretch_settled
+        settled = stretched.assembly.stretch_converged
         settles = settled or stretch_shares_of(stretched)["peak_force"] <= MAX_STRETCH_ERROR
         if settles and stretched.status != STOPPED:
             return stretched, told_stretched
@@ -103,7 +103,7 @@ def _run_of_either_order(
         " neither theory holds, and no number"
         f" here does. The part is stiffer than that; {EXPLICIT_REMEDY}."
     )
-    linear.assembly.hopeless = text
+    linear.assembly.beyond_theory = text
 
     advice = large_deflection_message(linear)  # to take second-order strain
     message = f"{linear.message.replace(advice, '')} {text}"

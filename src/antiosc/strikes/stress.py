@@ -39,10 +39,10 @@ MIN_SIZE_RATIO, MAX_SIZE_RATIO, AIMED_TOL_SHARE = 0.2, 0.5, 0.7
 STRESS_JUMP_POWER = 2.0
 #: Growth of the sizes around a place. With 0.35, as at sites, a place brought 15 000 dofs to a part
 #: of 17 000, with 0.6 8 000 and with 1 4 000; the bar became no wider: 28, 24 and 17 %.
-GROWTH = 1.0
+SIZE_GROWTH = 1.0
 #: Most cost of all rounds over that of the force, whose mesh counts as one of few dofs or more; the
 #: cost of a mesh grows with this power of its dofs.
-MOST_COST, FEW_DOFS, COST_POWER = 3.0, 14_000, 1.5
+MAX_COST, MIN_DOFS, COST_POWER = 3.0, 14_000, 1.5
 
 #: Makes the part with smaller cells at places.
 MakeFiner = Callable[[Sequence[Refinement]], Structure]
@@ -57,7 +57,7 @@ class StressResult:
     hit: Any  # History or Fall
     rounds: int = 0  # number of meshes after the first
     seconds: float = 0.0
-    why: str = ""  # the bar is wider than the tolerance; "" if it is not
+    reason: str = ""  # the bar is wider than the tolerance; "" if it is not
 
 
 def fields_by_strength(structure: Structure, hit: History, **options: Any) -> dict[str, PeakField]:
@@ -67,7 +67,7 @@ def fields_by_strength(structure: Structure, hit: History, **options: Any) -> di
     """
     if "quantity" in options:
         return {options["quantity"]: peak_field(structure, hit, **options)}
-    if hit.assembly.hopeless:
+    if hit.assembly.beyond_theory:
         return {}
     if criteria := criteria_of(structure):
         return {name: peak_field(structure, hit, name, **options) for name in criteria}
@@ -98,7 +98,7 @@ def closed(
 
     def price(dofs: int) -> float:
         """Cost of a further mesh over that of the force."""
-        return float((dofs / max(structure.dofs, FEW_DOFS)) ** COST_POWER)
+        return float((dofs / max(structure.dofs, MIN_DOFS)) ** COST_POWER)
 
     for rounds in range(MAX_ROUNDS + 1):
         wanted = on_root(structure.comm, partial(_wanted_refinements, known.fields, tol))
@@ -113,13 +113,13 @@ def closed(
             try:
                 # without a mesh where even the present dofs would cost too much
                 part = known.structure
-                if cost + price(part.dofs) <= MOST_COST:
+                if cost + price(part.dofs) <= MAX_COST:
                     part = finer(refine)
                 cost += price(part.dofs)
-                if cost > MOST_COST:
+                if cost > MAX_COST:
                     why = (
                         f"a further mesh of {plain_number(part.dofs)} dofs or more would "
-                        f"bring the cost above {MOST_COST:g} times that of the force"
+                        f"bring the cost above {MAX_COST:g} times that of the force"
                     )
                     break
                 again = struck(part)
@@ -129,7 +129,7 @@ def closed(
             known = StressResult(dict(fields(part, again)), part, again, rounds + 1)
 
     spent = time.perf_counter() - started
-    return _with_sentence(replace(known, seconds=spent, why=why), hit, tol)
+    return _with_sentence(replace(known, seconds=spent, reason=why), hit, tol)
 
 
 def divided(structure: Structure, refine: Sequence[Refinement]) -> Structure:
@@ -179,7 +179,7 @@ def _wanted_refinements(fields: dict[str, PeakField], tol: float) -> list[Refine
     for field in fields.values():
         cells = None if field.worst_point is None else field.worst_point.cells
         if cells is not None:
-            wanted.append((cells[0], cells[1], GROWTH))
+            wanted.append((cells[0], cells[1], SIZE_GROWTH))
         if max(stress_bar(field)) > tol or cells is not None:
             wanted += _refinements(field, tol)
     # the size by the error of a place replaces that by its margin
@@ -202,35 +202,35 @@ def _refinements(field: PeakField, tol: float) -> list[Refinement]:
         k = int(np.argmax(np.where(open_to, upper, 0.0)))
         ratio = ((allowed - values[k]) / errors[k]) ** (1 / STRESS_JUMP_POWER)
         size = float(sizes[k] * np.clip(ratio, MIN_SIZE_RATIO, MAX_SIZE_RATIO))
-        places.append((tuple(field.points[k].tolist()), size, GROWTH))
+        places.append((tuple(field.points[k].tolist()), size, SIZE_GROWTH))
         distance = np.linalg.norm(field.points - field.points[k], axis=1)
         open_to &= distance > sizes[k]
 
     return places
 
 
-def _with_sentence(stressed: StressResult, hit: Any, tol: float) -> StressResult:
-    """`stressed` with a sentence on rounds, cells and seconds in each field; `hit`: first mesh."""
+def _with_sentence(result: StressResult, hit: Any, tol: float) -> StressResult:
+    """`result` with a sentence on rounds, cells and seconds in each field; `hit`: first mesh."""
     told = ""
     force = 0.0 if getattr(hit, "named", False) else hit.peak_force
-    change = abs(stressed.hit.peak_force / force - 1) if force else 0.0
+    change = abs(result.hit.peak_force / force - 1) if force else 0.0
     if change > tol:
         told = f"; the force differs by {percent(change)}"
 
     fields = {}
-    for name, field in stressed.fields.items():
+    for name, field in result.fields.items():
         low, high = stress_bar(field)
         cells = sum(len(numbers) for _, numbers in field._cells)
         sentence = (
-            f"{stressed.rounds} of at most {MAX_ROUNDS} rounds of smaller cells, "
-            f"{cells} cells, {stressed.seconds:.0f} s: +{percent(high)} −{percent(low)} "
+            f"{result.rounds} of at most {MAX_ROUNDS} rounds of smaller cells, "
+            f"{cells} cells, {result.seconds:.0f} s: +{percent(high)} −{percent(low)} "
             f"by the mesh{told}"
         )
-        if stressed.why:
-            sentence += f"; {_unknown_text(field)}, since {stressed.why}"
+        if result.reason:
+            sentence += f"; {_unknown_text(field)}, since {result.reason}"
         fields[name] = replace(field, rounds=sentence)
 
-    return replace(stressed, fields=fields)
+    return replace(result, fields=fields)
 
 
 def _unknown_text(field: PeakField) -> str:

@@ -402,9 +402,9 @@ def answer_with_n(
     hit, budget = raw, raw.error_budget
 
     # a shell's corrected model is not always nearer
-    if model.strain_misfit is None and not raw.assembly.hopeless:
+    if model.strain_misfit is None and not raw.assembly.beyond_theory:
         hit = run(raw.model.corrected(), accuracy)
-        hit.assembly.stretch_left_out = raw.assembly.stretch_left_out
+        hit.assembly.omitted_stretch_ratio = raw.assembly.omitted_stretch_ratio
         budget = budget.of_corrected(hit)
 
     return MeshAnswer(structure, raw, hit, budget, n, clock() - start_time)
@@ -461,7 +461,7 @@ def _next_mesh(
     limit: float | None,
     start_time: float,
     meshes: int,
-    asked: float,
+    requested: float,
 ) -> tuple[Array, str]:
     """The next mesh: (ratio of new to old size of each cell, "" or why no mesh follows).
 
@@ -470,7 +470,7 @@ def _next_mesh(
     """
     allowed = _room_for_mesh(answer.budget, tol)
     if min(allowed.values()) < MIN_MESH_SHARE * tol:
-        return np.ones(0), _no_room_text(answer, asked)
+        return np.ones(0), _no_room_text(answer, requested)
 
     truncation = max(bar.truncation for bar in answer.budget.values())
     if answer.n >= MAX_COUNT and truncation > TRUNCATION_SHARE * tol:

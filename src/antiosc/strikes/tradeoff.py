@@ -54,7 +54,7 @@ from antiosc.strikes.strike import (
 from antiosc.strikes.unreduced import (
     UNREDUCED_METHOD,
     MethodOutcome,
-    curve_numbers,
+    curve_results,
     run_unreduced,
     unreduced_impact,
 )
@@ -192,7 +192,7 @@ class Tradeoff(Result):
             tol = checks.tolerance(tol)
             members = [member for member in self.table if member.bar <= tol]
             if not members:
-                raise InputError(self._unmet(tol))
+                raise InputError(self._unmet_text(tol))
             return min(members, key=lambda one: one.seconds)
 
         limit = checks.positive("seconds", seconds, "s")
@@ -206,7 +206,7 @@ class Tradeoff(Result):
 
         return min(members, key=lambda one: one.bar)
 
-    def _unmet(self, tol: float) -> str:
+    def _unmet_text(self, tol: float) -> str:
         """Why no member is as accurate as tol."""
         best = min(member.bar for member in self.table)
         sentence = (
@@ -395,7 +395,7 @@ def tradeoff(
         )  # fmt: skip
         members = [one for of_mesh in meshes for one in of_mesh]
         finest = members[-1]
-        table = tuple(made.beside(finest) for made in members)
+        table = tuple(made.compared_with(finest) for made in members)
         single = "" if len(meshes) > 1 else _one_mesh_text(source, finest, BRACKETING_SHARE * tol)
         notes = (single,) if single else ()
         compilation = uncounted_seconds() - compiled
@@ -422,7 +422,7 @@ class ComputedMember:
     site: Site
     member: TradeoffMember
 
-    def beside(self, finest: ComputedMember) -> TradeoffMember:
+    def compared_with(self, finest: ComputedMember) -> TradeoffMember:
         """The member with its difference from the finest member, and with bars that cover it."""
         member = self.member
         by_name = relative_differences(finest.answer.hit, self.answer.hit)
@@ -436,7 +436,7 @@ class ComputedMember:
 
     def unreduced(self, outcome: MethodOutcome, finest: History) -> TradeoffMember:
         """The member of the unreduced model on the same mesh."""
-        numbers = curve_numbers(outcome.curve)
+        numbers = curve_results(outcome.curve)
         stored_bytes = _matrix_bytes(self.answer.structure)
         return replace(
             self.member,

@@ -40,7 +40,7 @@ class UnreducedImpact:
     """The impact of a rigid body on a part at rest, integrated without anti-oscillators."""
 
     structure: Structure
-    b: Array  # load vector of the site
+    load: Array  # load vector of the site
     law: ContactLaw  # without the half-space compliance of the patch
     mass: float  # of the impactor [kg]
     speed: float  # with which it approaches at the start [m/s]
@@ -82,7 +82,7 @@ def unreduced_impact(
     assembly = hit.assembly
     system = assembly.system
     part, ball = assembly.spans["structure"], assembly.spans["impactor"]
-    if assembly.stretched:
+    if assembly.stretch_forces:
         raise InputError("the part has second-order forces, and other methods are linear")
     if system.damped:
         raise InputError("the part or the impactor is damped, and other methods are not")
@@ -97,7 +97,7 @@ def unreduced_impact(
 
     return UnreducedImpact(
         structure=structure,
-        b=functional(structure, site).b,
+        load=functional(structure, site).b,
         law=assembly.laws[0],
         mass=1 / beta**2,
         speed=beta * float(system.v[ball][0]),
@@ -158,15 +158,15 @@ def _integrated_curve(blow: UnreducedImpact, A: Factorization) -> ContactCurve:
     h = blow.step
     mass_matrix = blow.structure.M
     comm = blow.structure.comm
-    flexibility = A.solve(blow.b)
+    flexibility = A.solve(blow.load)
     by_force = h**2 / (4 * blow.mass)  # displacement of the impactor at the end of a step
-    alpha = np.array([[float(dot(comm, blow.b, flexibility)) + by_force]])
+    alpha = np.array([[float(dot(comm, blow.load, flexibility)) + by_force]])
     alpha_rate = 2 / h * alpha
     contacts = Contacts([blow.law], np.zeros((1, 1)), [False], [0.0])
     end = StepEnd(np.zeros(1), np.array([-blow.gap]), np.array([blow.speed]))
     ends = [end]
 
-    u, v, a = np.zeros((3, len(blow.b)))
+    u, v, a = np.zeros((3, len(blow.load)))
     x, speed, acceleration = 0.0, blow.speed, blow.acceleration
     for k in range(blow.steps):
         inertia_terms = 4 / h**2 * u + 4 / h * v + a
@@ -174,7 +174,7 @@ def _integrated_curve(blow: UnreducedImpact, A: Factorization) -> ContactCurve:
         u = A.solve(multiply(mass_matrix, inertia_terms))
         x = h**2 / 4 * (of_impactor + blow.acceleration)
 
-        free = np.array([x - float(dot(comm, blow.b, u)) - blow.gap])
+        free = np.array([x - float(dot(comm, blow.load, u)) - blow.gap])
         rate = 2 / h * (free - end.delta) - end.rate
         end = contacts.end_of_step(k * h, h, end, free, rate, alpha, alpha_rate)
         ends.append(end)
@@ -203,7 +203,7 @@ def _end_rates(h: float, new: M, inertia_terms: M, v: M, a: M) -> tuple[M, M]:
 
 
 @dataclass(frozen=True)
-class CurveNumbers:
+class CurveResults:
     """Peak force [N], impulse [N s] and contact time [s] of a curve, as those of a `History`."""
 
     peak_force: float
@@ -211,14 +211,14 @@ class CurveNumbers:
     contact_time: float
 
 
-def curve_numbers(curve: ContactCurve) -> CurveNumbers:
+def curve_results(curve: ContactCurve) -> CurveResults:
     """Peak force by a parabola, impulse by trapezoids, and contact time of a curve."""
     time, force, *_ = curve
     impulses = np.append(0.0, np.cumsum(np.diff(time) * (force[1:] + force[:-1]) / 2))
     contacts = np.reshape(curve.contacts, (-1, 2))
     gains = np.diff(np.interp(contacts, time, impulses), axis=1)
     main_time = main_contact_time(np.hstack([contacts, gains]).tolist())
-    return CurveNumbers(_parabola_peak(force), float(impulses[-1]), main_time)
+    return CurveResults(_parabola_peak(force), float(impulses[-1]), main_time)
 
 
 def _parabola_peak(force: Array) -> float:

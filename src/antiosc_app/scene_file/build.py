@@ -326,7 +326,7 @@ class Builder:
     def _refuse_key(
         self, place: Place, key: str, known: Mapping[str, SceneParameter], function: str
     ) -> NoReturn:
-        """Note an unknown key of a table with the most similar known key, and raise Mistake."""
+        """Note an unknown key with the most similar known key, and raise InvalidValue."""
         key_place = (*place, key)
         if (
             key in schema.WITHHELD_PARAMETERS
@@ -364,7 +364,7 @@ class Builder:
     # -- values
 
     def value(self, parameter: SceneParameter, value: object, place: Place) -> object:
-        """The value of a key converted to an argument; notes an invalid one and raises Mistake."""
+        """The value of a key as an argument; an invalid one is noted, and raises InvalidValue."""
         converted = self._converted_value(parameter.form, value, place)
         if parameter.check is not None and not any(calls_in(converted)):
             try:

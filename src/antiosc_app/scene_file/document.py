@@ -53,7 +53,7 @@ class Mistakes:
     varied_origins: Mapping[Place, Place] = field(default_factory=dict)
 
     def add_mistake(self, place: Place, sentence: str) -> None:
-        """Note a mistake at a place of the scene; raises after MOST_FOUND of them."""
+        """Note a mistake at a place of the scene; raises after MAX_MISTAKES of them."""
         sentence = " ".join(sentence.split())
         if self.varied_origins and (place, sentence) in self.sentences:
             return  # the scene has this mistake for all values

@@ -67,7 +67,7 @@ def make_results(
         for name in object_names:
             setattr(results_of_run, name, evaluate(getattr(compiled, name)))
         hit = results_of_run.history
-        if hit and (compiled.is_strike or (compiled.scene is None and hit.assembly.stretched)):
+        if hit and (compiled.is_strike or (compiled.scene is None and hit.assembly.stretch_forces)):
             results_of_run.model = hit.model
         if compiled.is_strike and hit:
             results_of_run.structure = results_of_run.structure or hit.structure
@@ -217,7 +217,7 @@ MAX_BUDGETS = 50
 def budgets_of_rows(batch: Many, arguments: Table) -> list[ErrorBudget | None]:
     """The error budget of each impact of a batch, None for one without.
 
-    `arguments`: those of `simulate_many`, by name. Beyond MOST_BARS impacts there are none.
+    `arguments`: those of `simulate_many`, by name. Beyond MAX_BUDGETS impacts there are none.
     """
     if len(batch) > MAX_BUDGETS:
         return [None] * len(batch)

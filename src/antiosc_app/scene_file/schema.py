@@ -76,7 +76,7 @@ class UnknownType:
 
 
 class _Names(dict[str, object]):
-    """Names in annotations -> objects; Unknown for names imported only for type checkers."""
+    """Names in annotations -> objects; UnknownType for names imported only for type checkers."""
 
     def __missing__(self, name: str) -> object:
         definitions = (vars(module).get(name) for module in (builtins, typing, collections.abc))
@@ -160,7 +160,7 @@ SCENE_KEYS = {"probe": (SceneParameter("srs", PLAIN_FORM, is_required=False),)}
 
 @functools.cache
 def parameters_of(function: str) -> Mapping[str, SceneParameter]:
-    """Name -> Parameter of a public callable such as "Solid" or "Hertz.from_radii"."""
+    """Name -> SceneParameter of a public callable such as "Solid" or "Hertz.from_radii"."""
     call = callable_of(function)
     inner = inspect.unwrap(call.__init__ if inspect.isclass(call) else call)
     names = _Names(getattr(inner, "__func__", inner).__globals__)

@@ -92,7 +92,7 @@ def repeat_until_enough(
     longest = LONGER * choice.duration
     while True:
         result, hit = run(choice)
-        if hit.status == STOPPED or hit.assembly.hopeless:
+        if hit.status == STOPPED or hit.assembly.beyond_theory:
             return result, choice
 
         more = next_count(hit) if add_oscillators else None

@@ -80,13 +80,13 @@ def final_state(
     continuing = {}
 
     contacts = zip(
-        indices.tolist(), record.contact_states(a.system, t), a.laws, a.system.sides, strict=True
+        indices, record.contact_states(a.system, t), a.laws, a.system.friction_rows, strict=True
     )
     for k, (i, contact, law, sides) in enumerate(contacts):
         if contact is not None and (contact.closed or law.has_memory):
             rows = [k, *range(sides.start, sides.stop)]
-            slip = float(a.system.slip[k, 1])
-            continuing[i] = OngoingContact(
+            slip = float(a.system.friction[k, 1])
+            continuing[int(i)] = OngoingContact(
                 float(heights[k]), contact.closed * force[rows], slip, contact, law
             )
 

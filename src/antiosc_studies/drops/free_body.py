@@ -39,7 +39,7 @@ class FreeBody:
     #: (V, 2) principal radii for the contact law [m]; at smooth places of a solid they are
     #: approximate until `patches` fits them
     radii: Array
-    materials: Materials  # (V,) the `Matter` at the points; `RIGID` if it is unknown
+    materials: Materials  # (V,) the `Matter` at the points; `RIGID_MATTER` if it is unknown
     #: omega, decay: (J,) frequencies [rad/s] and decay constants [1/s] of the elastic modes
     omega: Array
     decay: Array

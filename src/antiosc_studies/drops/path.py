@@ -112,7 +112,7 @@ def scene_on_path(
     point_forces = np.zeros_like(arms)
 
     offsets = linear_interpolation(path.times, first.breaks, first.offsets).copy()
-    for k, sides in enumerate(first.sides):
+    for k, sides in enumerate(first.friction_rows):
         for row, axis in ((k, 2), *zip(range(sides.start, sides.stop), range(2), strict=False)):
             point_forces[:, k, axis] = row_forces[:, row]
             offsets[:, row] += displacement @ beta[row] + point_motion[:, k, axis]
@@ -240,13 +240,13 @@ def run_scene(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHis
     ended = converged.run
     friction, wedge = _worst_wedging(assembly.system)
     at_start = ended.time[-1] <= JAMMED_SHARE * assembly.contact_time_estimate
-    presses = (ended.force[-1, : len(assembly.system.sides)] > 0).any()
+    presses = (ended.force[-1, : len(assembly.system.friction_rows)] > 0).any()
     if at_start or (ended.answer and presses and friction * wedge > 1):
         raise _jam_error(friction, wedge)
 
     history = _history(assembly, converged.run, {"force": converged.force, "peak": converged.peak})
     check_range(history)
-    return history, converged.share
+    return history, converged.step_tol
 
 
 def run_once(
@@ -279,12 +279,12 @@ def _worst_wedging(system: System) -> tuple[float, float]:
     displacement by a unit tangential force over that by a unit normal force.
     """
     friction, wedge = 0.0, 0.0
-    for k, sides in enumerate(system.sides):
+    for k, sides in enumerate(system.friction_rows):
         tangential = float(np.linalg.norm(system.R[k, sides]))
         tangential /= max(float(system.R[k, k]), TINY)
 
-        if system.slip[k, 0] * tangential > friction * wedge:
-            friction, wedge = float(system.slip[k, 0]), tangential
+        if system.friction[k, 0] * tangential > friction * wedge:
+            friction, wedge = float(system.friction[k, 0]), tangential
 
     return friction, wedge
 

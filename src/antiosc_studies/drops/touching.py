@@ -100,7 +100,7 @@ def scene_of(
     system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
 
     force, extension = np.zeros((2, len(system.beta)))
-    for k, (one, sides) in enumerate(zip(previous, system.sides, strict=True)):
+    for k, (one, sides) in enumerate(zip(previous, system.friction_rows, strict=True)):
         if one is not None:
             force[k] = one.force[0]
             force[sides] = one.force[1:]

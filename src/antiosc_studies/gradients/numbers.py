@@ -68,10 +68,10 @@ class VariableImpact:
 
     def __init__(self, hit: History, change_model: ModelChange | None = None) -> None:
         checks.instance("hit", hit, History, "a History of simulate or Scene.run")
-        if hit.assembly.stretched:
+        if hit.assembly.stretch_forces:
             raise InputError(
-                f"{next(iter(hit.assembly.stretched))!r} stretched in this impact: gradients are of"
-                " linear bodies; extract it with stretch=False."
+                f"{next(iter(hit.assembly.stretch_forces))!r} stretched in this impact: gradients"
+                " are of linear bodies; extract it with stretch=False."
             )
         self.scene = hit.assembly.scene
         self.end = hit.run.time[-1]
@@ -80,7 +80,7 @@ class VariableImpact:
         self.base = self.assembly_with()
 
         a, b = self.base.system, hit.assembly.system
-        same = a.beta.shape == b.beta.shape and all(map(np.array_equal, a.numbers, b.numbers))
+        same = a.beta.shape == b.beta.shape and all(map(np.array_equal, a.arrays, b.arrays))
         if change_model is None and not same:
             raise InputError("hit must be a whole run, as simulate and Scene.run return it.")
 

@@ -342,7 +342,7 @@ def test_parts_with_common_nodes_stretch_as_one_mesh():
     ball, law = ao.RigidMass(0.2, velocity=1.0), ao.Power(1e6, 1.5)
     models = [ao.extract(structure, site, n=24, stretch="auto") for structure in (part, whole)]
     one, two = (ao.simulate(model, ball, law, 4e-3) for model in models)
-    assert two.assembly.stretched
+    assert two.assembly.stretch_forces
     assert models[1].stretch.cubic[0, 0, 0, 0] == pytest.approx(
         models[0].stretch.cubic[0, 0, 0, 0], rel=1e-6
     )
@@ -373,7 +373,7 @@ def test_friction_on_a_sheet_that_stretches_keeps_the_books():
     contact = ao.Contact("plate:spot", "slider:foot", ao.Power(1e6, 1.5), friction=0.1)
     start = {"slider": ao.Motion(velocity=(0.8, 0.0, -1.5))}
     hit = ao.Scene({"plate": model, "slider": slider}, [contact], motion=start).run(6e-3)
-    assert set(hit.assembly.stretched) == {"plate"}
+    assert set(hit.assembly.stretch_forces) == {"plate"}
     assert hit.energy.drift < 1e-5
     across = hit.contact_histories[0].impulse
     velocity = hit.at([6e-3])["slider"].velocity("foot", (1, 0, 0))[0]
@@ -408,8 +408,8 @@ def test_a_solid_that_hardly_stretches_is_taken_as_linear():
         return second_order.simulated(part, model, run)
 
     slight = struck(30.0)
-    assert not slight.assembly.stretched
-    assert 0.01 < slight.assembly.stretch_left_out < second_order.SLIGHT_ENERGY_RATIO
+    assert not slight.assembly.stretch_forces
+    assert 0.01 < slight.assembly.omitted_stretch_ratio < second_order.SLIGHT_ENERGY_RATIO
     full = Full(part, site)
     whole = full.impact(mass, 30.0, k, duration, 150)[1].max()
     full.forces, full.tangent = np.zeros_like, lambda _: csr(part.K) * 0
@@ -417,8 +417,8 @@ def test_a_solid_that_hardly_stretches_is_taken_as_linear():
     assert 2e-4 < abs(effect) < slight.error_budget["peak_force"].stretch < 0.08
     assert "taken as linear" in " ".join(slight.stretch_texts)
     harder = struck(60.0)
-    assert harder.assembly.stretched
-    assert harder.assembly.stretch_left_out == 0.0
+    assert harder.assembly.stretch_forces
+    assert harder.assembly.omitted_stretch_ratio == 0.0
 
 
 @pytest.mark.slow
@@ -455,8 +455,8 @@ def test_a_blow_far_beyond_second_order_strain_is_refused_at_once(solid, monkeyp
     ball = ao.RigidMass(100.0, 6.0)
     with pytest.warns(ao.AccuracyWarning, match="deflects by") as warned:
         hit = ao.strike(part, site, ball, ao.Hertz(5e9), 40e-3, tol=0.5)
-    assert hit.assembly.stretch_left_out == 0.0
-    told = hit.assembly.hopeless
+    assert hit.assembly.omitted_stretch_ratio == 0.0
+    told = hit.assembly.beyond_theory
     assert "no number here does" in told
     sentences = [str(one.message) for one in warned]
     assert [one for one in sentences if "deflects by" in one] == [told]

@@ -238,7 +238,7 @@ class Compiled(Checked, ContactLaw):
     @cached_property
     def valid_force(self) -> float:
         if self.compliance:
-            return float(library.library.aom_law_reach(self._at))
+            return float(library.library.aom_law_reach(self._address))
         return float("inf")
 
     @cached_property
@@ -248,17 +248,17 @@ class Compiled(Checked, ContactLaw):
         return library.CLaw(self.kind, numbers.size, library.address(numbers), None), numbers
 
     @cached_property
-    def _at(self) -> int:
+    def _address(self) -> int:
         return addressof(self.kernel[0])
 
     def __getstate__(self) -> dict[str, object]:
         return {k: v for k, v in self.__dict__.items() if k not in ("kernel", "_at")}
 
     def _force(self, delta: float, rate: float, state: State) -> list[float]:
-        """The force and its derivatives by delta and by rate."""
+        """The force [N], and its derivatives by delta and by rate."""
         values = _ThreeDoubles()
         begun = _ThreeDoubles(*(state or ())[:3])
-        library.library.aom_law_force(self._at, delta, rate, begun, values)
+        library.library.aom_law_force(self._address, delta, rate, begun, values)
         return values[:]
 
     def force(self, delta: float, rate: float, state: State) -> float:
@@ -271,7 +271,7 @@ class Compiled(Checked, ContactLaw):
     def energy(self, delta: float, state: State) -> float:
         energy = c_double()
         pointers = byref(c_double(delta)), _ThreeDoubles(*state[:3]), byref(energy)
-        library.library.aom_law_energies(self._at, 1, *pointers)
+        library.library.aom_law_energies(self._address, 1, *pointers)
         return energy.value
 
     def potential(self, delta: float, state: State) -> float:
@@ -280,42 +280,42 @@ class Compiled(Checked, ContactLaw):
         return self.energy(delta, state)
 
     def energies(self, delta: Array, state: State) -> Array:
-        return self._many(library.library.aom_law_energies, delta, state)
+        return self._values_at(library.library.aom_law_energies, delta, state)
 
     def forces_at_rest(self, delta: Array, state: State) -> Array:
         """Forces (n,) [N] at constant indentations (n,) [m]."""
-        return self._many(library.library.aom_law_forces, delta, state)
+        return self._values_at(library.library.aom_law_forces, delta, state)
 
-    def _many(self, function: Callable[..., None], delta: Array, state: State) -> Array:
+    def _values_at(self, function: Callable[..., None], delta: Array, state: State) -> Array:
         """Values (n,) of a function of the C library at indentations (n,) [m] of one state."""
         depth = np.ascontiguousarray(delta, dtype=float)
         values = np.empty(len(delta))
         begun = _ThreeDoubles(*state[:3])
-        function(self._at, depth.size, library.address(depth), begun, library.address(values))
+        function(self._address, depth.size, library.address(depth), begun, library.address(values))
         return values
 
     def loading_work(self, delta: float) -> float:
         """Work [J] of loading a new contact up to delta."""
-        return float(library.library.aom_law_loading_work(self._at, delta))
+        return float(library.library.aom_law_loading_work(self._address, delta))
 
     def touch(self, speed: float, state: State | None = None) -> State:
         if not self.size:
             return ()
         state_values = _ThreeDoubles(*(state or ())[:3])
-        library.library.aom_law_touch(self._at, speed, state is None, state_values)
+        library.library.aom_law_touch(self._address, speed, state is None, state_values)
         return tuple(state_values[: self.size])
 
     def advance(self, delta: float, rate: float, state: State) -> State:
         if not self.has_memory:
             return state
         state_values = _ThreeDoubles(*state[:3])
-        library.library.aom_law_advance(self._at, delta, state_values)
+        library.library.aom_law_advance(self._address, delta, state_values)
         return tuple(state_values)
 
     def origin(self, state: State) -> float:
         if not self.has_memory:
             return 0.0
-        return float(library.library.aom_law_origin(self._at, _ThreeDoubles(*state[:3])))
+        return float(library.library.aom_law_origin(self._address, _ThreeDoubles(*state[:3])))
 
     def lost(self, state: State) -> float:
         if self.has_memory:

@@ -68,9 +68,9 @@ class Choice:
     kind : kind of contact, in words.
     soft : the material that yields first; None if neither yields.
     unknown : the unknown property on which the error of the law depends, in words; "" if none.
-    shares : smallest and largest possible `elastic_share`; None if it is exact.
+    elastic_shares : smallest and largest possible `elastic_share`; None if it is exact.
     error : relative error of the force, due to the circle in place of an elliptic contact.
-    by_curvature : relative error of the peak force by the error of both curvatures on a mesh.
+    curvature_error : relative error of the peak force by the error of both curvatures on a mesh.
     curvature : the larger relative curvature of both surfaces [1/m], for a contact at a point.
     soft_ball : whether the rounder side is the softer one, as a rubber tip on steel.
     """
@@ -79,9 +79,9 @@ class Choice:
     kind: str
     soft: Matter | None = None
     unknown: str = ""
-    shares: tuple[float, float] | None = None
+    elastic_shares: tuple[float, float] | None = None
     error: float = 0.0
-    by_curvature: float = 0.0
+    curvature_error: float = 0.0
     curvature: float = 0.0
     soft_ball: bool = False
 
@@ -134,7 +134,7 @@ def choose_law(one: Surface, other: Surface, restitution: float | None = None) -
     if uncertain >= 2 * A:
         doubt = doubt or UNSURE_CURVATURE
     by_curvature = RADIUS_POWER * (uncertain / (2 * A) + uncertain / (2 * B))
-    at_point = partial(Choice, by_curvature=by_curvature, curvature=2 * B, soft_ball=is_soft)
+    at_point = partial(Choice, curvature_error=by_curvature, curvature=2 * B, soft_ball=is_soft)
     soft = min(materials, key=_strength)
     laminate = next((m for m in materials if m.critical is not None), None)
     if laminate is not None and laminate.critical is not None:

@@ -60,10 +60,10 @@ def _range_check(text: str, fits: Callable[[float], bool]) -> Callable[[str, obj
 
 
 #: of a force that grows as delta^n
-_exponent = _range_check("1 <= n <= 10 (1 linear, 1.5 Hertz)", lambda n: 1 <= n <= 10)
-_poisson = _range_check("0 <= nu < 0.5", lambda nu: 0 <= nu < 0.5)
-_restitution = _range_check("0 < e <= 1", lambda e: 0 < e <= 1)
-_share = _range_check("0 <= share <= 1", lambda share: 0 <= share <= 1)
+_checked_exponent = _range_check("1 <= n <= 10 (1 linear, 1.5 Hertz)", lambda n: 1 <= n <= 10)
+_checked_poisson = _range_check("0 <= nu < 0.5", lambda nu: 0 <= nu < 0.5)
+_checked_restitution = _range_check("0 < e <= 1", lambda e: 0 < e <= 1)
+_checked_share = _range_check("0 <= share <= 1", lambda share: 0 <= share <= 1)
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -99,7 +99,7 @@ class Power(Compiled):
     """
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m^exponent"))
-    exponent: float = field(metadata=checked_by(_exponent))
+    exponent: float = field(metadata=checked_by(_checked_exponent))
 
     kind: ClassVar[int] = library.POWER
 
@@ -219,8 +219,8 @@ class _Damped(Patched):
     """
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m^exponent"))
-    restitution: float = field(metadata=checked_by(_restitution))
-    exponent: float = field(default=HERTZ_EXPONENT, metadata=checked_by(_exponent))
+    restitution: float = field(metadata=checked_by(_checked_restitution))
+    exponent: float = field(default=HERTZ_EXPONENT, metadata=checked_by(_checked_exponent))
     factor: float = field(init=False, repr=False, compare=False)
 
     kind: ClassVar[int] = library.DAMPED
@@ -386,8 +386,8 @@ class ElasticPlastic(Hysteretic):
     modulus: float = field(metadata=checked_by(checks.positive, "Pa"))
     radius: float = field(metadata=checked_by(checks.positive, "m"))
     yield_strength: float = field(metadata=checked_by(checks.positive, "Pa"))
-    nu: float = field(default=0.3, metadata=checked_by(_poisson))
-    elastic_share: float = field(default=0.0, metadata=checked_by(_share))
+    nu: float = field(default=0.3, metadata=checked_by(_checked_poisson))
+    elastic_share: float = field(default=0.0, metadata=checked_by(_checked_share))
     stiffness: float = field(init=False, repr=False, compare=False)
     yield_indentation: float = field(init=False, repr=False, compare=False)
 

@@ -51,7 +51,7 @@ def error_of_law(choice: Choice, peak: float) -> float:
     """Relative error of a peak force [N] by its law, without that of the yield strength."""
     law = choice.law
     factors = stiffness_factors(choice, _strain(choice, peak))
-    error = choice.by_curvature
+    error = choice.curvature_error
     error += max((abs(factor**HERTZ_POWER - 1) for factor in factors), default=0.0)
     if isinstance(law, ElasticPlastic) and choice.soft is not None and peak > law.yield_force:
         error += law.error_at(_depth(law, "force", peak))[0] + choice.error

@@ -26,7 +26,7 @@ class StepEnd(NamedTuple):
 class Contacts:
     """The contacts of a run: whether each is closed, the state of its law, and the events.
 
-    R : (m, m) compliance without inertia [m/N]; slowest : (m,) least closing speeds [m/s] for laws.
+    R : (m, m) compliance without inertia [m/N]; least_speeds : (m,) least closing speeds [m/s].
     An event is (time [s], contact, 1 if it touches or 0 if it parts, closing speed [m/s]).
     """
 
@@ -35,12 +35,12 @@ class Contacts:
         laws: Sequence[ContactLaw],
         R: Array,
         closed: Sequence[bool],
-        slowest: Sequence[float] | Array,
+        least_speeds: Sequence[float] | Array,
     ) -> None:
         self.laws = laws
         self.R = R
         self.closed = list(closed)
-        self.slowest = slowest
+        self.least_speeds = least_speeds
         # None before the first touch
         self.states: list[Any] = [
             law.touch(0.0) if closed else None for law, closed in zip(laws, closed, strict=True)
@@ -59,7 +59,7 @@ class Contacts:
 
     def touch(self, c: int, t: float, speed: float) -> None:
         """Close a contact at its closing speed [m/s]."""
-        speed = max(speed, float(self.slowest[c]))
+        speed = max(speed, float(self.least_speeds[c]))
         self.states[c] = self.laws[c].touch(speed, self.states[c])
         self.closed[c] = True
         self.events.append((t, c, 1, speed))

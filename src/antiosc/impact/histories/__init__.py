@@ -284,7 +284,7 @@ class History(RunHistory, SavableResults):
         """Sentences on bodies that stretch, with the number of their modes, and on a thin solid
         that is taken as linear.
         """
-        if left_out := self.assembly.stretch_left_out:
+        if left_out := self.assembly.omitted_stretch_ratio:
             energy = f"the energy of second-order strain is {percent(left_out)} of that of its"
             return [f"'structure' is taken as linear: {energy} motion at the largest force"]
 
@@ -296,7 +296,7 @@ class History(RunHistory, SavableResults):
         return [
             f"{name!r} stretches: second-order forces of {forces.modes.shape[1]} motions make the"
             f" largest force {effect}"
-            for name, forces in self.assembly.stretched.items()
+            for name, forces in self.assembly.stretch_forces.items()
         ]
 
     def _facts(self) -> list[tuple[str, str]]:

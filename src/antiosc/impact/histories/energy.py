@@ -317,11 +317,11 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
         if law.rate_dependent:
             losses += path_work(damping[:, None], depth[:, None])[:, 0]
 
-    for c, sides in enumerate(system.sides):
+    for c, sides in enumerate(system.friction_rows):
         for i in range(sides.start, sides.stop):
             T = run.force[:, i]
             displacement = run.depth[:, i]
-            spring = 0.5 * T**2 / system.slip[c, 1]
+            spring = 0.5 * T**2 / system.friction[c, 1]
             work = path_work(T[:, None], displacement[:, None])[:, 0]
             stored += spring
             losses += work - spring

@@ -37,7 +37,7 @@ def _model_modes_stretch(
     """(model of a body, its free modes, the second-order forces in its motion or None)."""
     if isinstance(history, BodyHistory):
         return history.placed.body, history.placed.modes, history.stretched
-    return *history.of(body), history.assembly.stretched.get(history.name_of(body))
+    return *history.of(body), history.assembly.stretch_forces.get(history.name_of(body))
 
 
 def modes_with_shapes(history: AnyHistory, body: str) -> ModalBody | SiteModes:

@@ -64,7 +64,7 @@ def large_deflection_message(history: RunHistory) -> str:
     worst = 0.0
     message = ""
 
-    for name, h in sheets_of_run(history, held=True):
+    for name, h in sheets_of_run(history, supported=True):
         stretches = history.assembly.bodies[name].stretch is not None
         w = largest_deflection(history, name)
         change = curved_force_change(history, name)
@@ -106,11 +106,11 @@ def may_stretch(history: RunHistory) -> bool:
     )
 
 
-def sheets_of_run(history: RunHistory, held: bool = False) -> Iterator[tuple[str, float]]:
-    """Yield name and thickness [m] of each sheet or thin solid, or of the `held` ones alone."""
+def sheets_of_run(history: RunHistory, supported: bool = False) -> Iterator[tuple[str, float]]:
+    """Yield name and thickness [m] of each sheet or thin solid; if `supported`, of these alone."""
     for name, body in history.assembly.bodies.items():
         h = body.info.thickness
-        if h is not None and (body.omega.all() or not held):
+        if h is not None and (body.omega.all() or not supported):
             yield name, h
 
 

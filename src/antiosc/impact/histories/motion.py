@@ -73,7 +73,7 @@ class RunHistory(OneContact):
     @cached_property
     def bodies(self) -> dict[str, BodyHistory]:
         """Histories of the bodies by name, at the nodes."""
-        run = self._nodes
+        run = self._run_at_nodes
         a = self.assembly
         q, v = node_states(run, a.system)
         return self._bodies(run.time, q, v, run.force)
@@ -81,7 +81,7 @@ class RunHistory(OneContact):
     @cached_property
     def energy(self) -> Energy:
         """Energies of all bodies and contacts, and their drift; `gravity`: work of all loads."""
-        return energy_balance(self.assembly, self._nodes)
+        return energy_balance(self.assembly, self._run_at_nodes)
 
     @property
     def details(self) -> list[str]:
@@ -151,7 +151,7 @@ class RunHistory(OneContact):
 
     def force_at(self, t: ArrayLike) -> Array:
         """Contact force [N] at times (n,): the parabolas between the nodes."""
-        return np.maximum(contact_forces(self.run, *self._located(t))[:, self._row], 0.0)
+        return np.maximum(contact_forces(self.run, *self._step_and_time(t))[:, self._row], 0.0)
 
     # -- at any time
 
@@ -166,7 +166,7 @@ class RunHistory(OneContact):
     def states(self, t: ArrayLike) -> tuple[Array, Array]:
         """Modal displacements and velocities (n, J) of all bodies, concatenated, at times (n,)."""
         a = self.assembly
-        return modal_states(self.run, a.system, *self._located(t))
+        return modal_states(self.run, a.system, *self._step_and_time(t))
 
     def coordinates(self, t: ArrayLike, body: str = "structure") -> Array:
         """The coordinates of a body's model: lambda_0 ... lambda_N for `AntiOscillators`.
@@ -233,7 +233,7 @@ class RunHistory(OneContact):
         return SceneRun(self.assembly, self.run, not self.named, self.enclosures)
 
     @property
-    def _nodes(self) -> Run:
+    def _run_at_nodes(self) -> Run:
         return self._record.nodes
 
     @property
@@ -268,7 +268,7 @@ class RunHistory(OneContact):
     def _sites(self) -> Array:
         """Displacements and velocities of both ends of the only contact, along it: (4, n)."""
         a = self.assembly
-        run = self._nodes
+        run = self._run_at_nodes
         rows = np.zeros((len(a.r), 2))
         for i, body in enumerate(self._ends):
             columns = a.columns[body.name]
@@ -305,7 +305,7 @@ class RunHistory(OneContact):
         for (name, body), branches in zip(a.bodies.items(), springs, strict=True):
             j = a.spans[name]
             k = a.columns[name]
-            stretch = a.stretched.get(name)
+            stretch = a.stretch_forces.get(name)
             stretching = 0.0 if stretch is None else stretch.energy(q[:, j] @ stretch.modes)
             residual = 0.5 * np.einsum("nk,kl,nl->n", f[:, k], a.r[k, k], f[:, k])
             histories[name] = BodyHistory(
@@ -324,7 +324,7 @@ class RunHistory(OneContact):
 
         return histories
 
-    def _located(self, t: ArrayLike) -> tuple[Index, Array]:
+    def _step_and_time(self, t: ArrayLike) -> tuple[Index, Array]:
         return steps_at(self.run, self._times_in_run(t))
 
     def _times_in_run(self, t: ArrayLike) -> Array:

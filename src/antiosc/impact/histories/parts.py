@@ -54,13 +54,13 @@ class SceneRun:
 
     assembly: Assembly
     run: Run
-    flights: bool  # whether the history has instants between contacts, too
+    has_flight_nodes: bool  # whether the history has instants between contacts, too
     enclosures: tuple[Enclosure, ...] = ()
 
     @cached_property
     def nodes(self) -> Run:
         """The run at the instants of the history."""
-        if not self.flights:
+        if not self.has_flight_nodes:
             return self.run
         return with_flight_nodes(self.run, self.assembly.system)
 
@@ -109,7 +109,7 @@ class OneContact:
     @property
     def contacts(self) -> list[tuple[float, float]]:
         """(start, end) [s] of every contact, in order."""
-        touches = self._touches[0]
+        touches = self._touch_records[0]
         return list(zip(touches["start"].tolist(), touches["end"].tolist(), strict=True))
 
     @property
@@ -169,7 +169,7 @@ class OneContact:
     # -- inside
 
     @cached_property
-    def _touches(self) -> tuple[NDArray[np.void], bool]:
+    def _touch_records(self) -> tuple[NDArray[np.void], bool]:
         return contact_intervals(self._record.run, self._record.assembly.system, self._row)
 
     @cached_property
@@ -177,7 +177,7 @@ class OneContact:
         """The numbers of the contact, and those of each of its touches."""
         run = self._record.run
         a = self._record.assembly
-        touches, goes_on = self._touches
+        touches, goes_on = self._touch_records
         record, arrays = c_record_of(run)
         system = posed = a.system
         size = system.omega.size
@@ -218,13 +218,13 @@ class ContactHistory(OneContact, ReprMixin):
         """Tangential contact forces on b [N], opposite on a, (n, 1) or (n, 2); (n, 0) without
         friction.
         """
-        return self._record.nodes.force[:, self._record.assembly.system.sides[self._row]]
+        return self._record.nodes.force[:, self._record.assembly.system.friction_rows[self._row]]
 
     def pulses(self) -> tuple[Array, Array]:
         """Times [s] (n,) of the nodes of all touches, and forces [N] (n,) there."""
         run = self._record.run
         nodes = [np.zeros(0, dtype=int)]
-        steps = zip(self._touches[0]["first"], self._touches[0]["last"], strict=True)
+        steps = zip(self._touch_records[0]["first"], self._touch_records[0]["last"], strict=True)
         nodes += [np.arange(2 * a, 2 * b + 1) for a, b in steps]
         node_numbers = np.concatenate(nodes)
         return run.time[node_numbers], np.maximum(run.force[node_numbers, self._row], 0.0)
@@ -310,6 +310,6 @@ class BodyHistory(ReprMixin):
         _, site_name = find_site(f"{name}:{site}" if site else name, {name: self.placed})
         line = None if direction is None else checks.floats("direction", direction, (3,))
         if line is None:
-            line = self.placed.pushes.get(site_name)
+            line = self.placed.push_directions.get(site_name)
 
         return site_row(self.placed, site_name, line, f"{name}:{site_name}")

@@ -12,7 +12,7 @@ from antiosc.base._types import Array
 from antiosc.base.checks import ROUNDING
 from antiosc.base.texts import COMPLETED, INEXACT, STOPPED, TOUCHING
 from antiosc.engine import library
-from antiosc.engine.march import Converged, Run, stopped
+from antiosc.engine.march import Converged, Run, stop_text
 from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
 
@@ -28,10 +28,10 @@ class RunEnd(NamedTuple):
     answer: int
     time: float  # time reached [s]
     touches: int  # number of touches
-    open: Sequence[int]  # contacts still closed
+    closed_contacts: Sequence[int]  # contacts still closed
     force: float
     peak: float
-    certain: float
+    certain_time: float
 
 
 def open_contacts(run: Run, system: System) -> list[int]:
@@ -56,7 +56,7 @@ def status_of(
 
     limits : max_contacts, max_steps.
     """
-    if failure := stopped(ended.answer, ended.time, *limits):
+    if failure := stop_text(ended.answer, ended.time, *limits):
         return STOPPED, failure[0].upper() + failure[1:] + "."
 
     message = cut_short_message(assembly, ended)
@@ -81,10 +81,10 @@ def inexact_message(ended: RunEnd | Converged, tol: float, max_steps: int) -> st
     """Why a complete run does not meet the tolerance; "" if it does."""
     worst = max(ended.force, ended.peak)
     if worst == np.inf:
-        if ended.certain > 0:
+        if ended.certain_time > 0:
             return (
                 f"The error is not known: a finer run takes too many steps. Up to"
-                f" {ended.certain:.4g} s the two agree; shorten the duration to that."
+                f" {ended.certain_time:.4g} s the two agree; shorten the duration to that."
             )
         return (
             f"The error is not known: max_steps = {max_steps} leaves no finer run to compare with;"
@@ -94,14 +94,15 @@ def inexact_message(ended: RunEnd | Converged, tol: float, max_steps: int) -> st
         return (
             f"The contact forces did not converge: finer runs within max_steps = {max_steps} differ"
             f" by {worst:.2g}, not tol = {tol:g} (if they rattle, small errors grow). Up to"
-            f" {ended.certain:.4g} s they agree; raise max_steps, or shorten the duration to that."
+            f" {ended.certain_time:.4g} s they agree; raise max_steps, or shorten the duration to"
+            " that."
         )
     return ""
 
 
 def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
     """Warning of contacts that are still closed at the end; "" if there are none."""
-    contacts = [assembly.scene.contacts[c] for c in ended.open]
+    contacts = [assembly.scene.contacts[c] for c in ended.closed_contacts]
     if not contacts:
         return ""
 
@@ -117,7 +118,7 @@ def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
 def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
     """Why nothing touched, perhaps by a wrong sign; "" if something did."""
     system = assembly.system
-    if ended.touches or np.any(system.pressed):
+    if ended.touches or np.any(system.start_forces):
         return ""
 
     p = len(assembly.laws)

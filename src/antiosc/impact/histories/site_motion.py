@@ -40,7 +40,7 @@ def site_motion(hit: RunHistory) -> SiteMotion | None:
 
     span = hit.assembly.spans["structure"]
 
-    def moved(times: Array) -> Array:
+    def displacements(times: Array) -> Array:
         """|Displacements| (n,) at times."""
         q = hit.states(times)[0][:, span]
         return np.abs(q @ body.b + body.r * hit.force_at(times))
@@ -48,12 +48,12 @@ def site_motion(hit: RunHistory) -> SiteMotion | None:
     end = float(hit.run.time[-1])
     touched = hit.contacts[-1][1] if hit.contacts else end
     times = np.union1d(*(np.linspace(0.0, last, TIME_COUNT) for last in (end, touched)))
-    sizes = moved(times)
+    sizes = displacements(times)
 
     for k in np.argsort(-sizes)[:MAX_PEAKS]:
         near = times[max(k - 1, 0)], times[min(k + 1, times.size - 1)]
         beside = np.linspace(*near, TIMES_PER_PEAK)
-        times, sizes = np.append(times, beside), np.append(sizes, moved(beside))
+        times, sizes = np.append(times, beside), np.append(sizes, displacements(beside))
 
     k = int(sizes.argmax())
 
