@@ -88,14 +88,14 @@ class EditedScene:
     def __init__(
         self,
         path: Path,
-        look: Inspection,
+        inspected: Inspection,
         faces: Mapping[str, Mapping[str, Any]],
         held: Sequence[str],
     ) -> None:
         self._path = path.with_suffix(".toml")
-        self._look = look
+        self._inspected = inspected
         self._faces = faces
-        impact, fall = (_initial_sections(path, look, drop) for drop in (False, True))
+        impact, fall = (_initial_sections(path, inspected, drop) for drop in (False, True))
         self._state = SceneState(impact, fall, False, tuple(held))
         if held:
             self._set_supports(impact)
@@ -196,7 +196,7 @@ class EditedScene:
         section, _, key = place.partition(".")
         if key not in EDITABLE_KEYS.get(section, ()):
             raise InputError(f"the page does not change {checks.shown(place)}.")
-        has_patch = section != "sites" or self._look.family == "Solid"
+        has_patch = section != "sites" or self._inspected.family == "Solid"
         if value is None and AUTOMATIC_KEYS.get(section) == key and has_patch:
             value = AUTO
         for table in self._tables(section):
@@ -241,13 +241,13 @@ class EditedScene:
         ):
             return
         before = self._state.impact["impactor"]
-        radius = before.get("radius") or before.get("tip_radius") or self._look.ball_radius
+        radius = before.get("radius") or before.get("tip_radius") or self._inspected.ball_radius
         common = {"velocity": before.get("velocity", 1.0)}
         common["material"] = before.get("material", ISOTROPIC_MATERIALS[0])
         tables: dict[str, Table] = {
             BALL_STRIKER: {"radius": radius, **common},
             MASS_STRIKER: {
-                "mass": self._look.heaviest_striker(0.5),
+                "mass": self._inspected.heaviest_striker(0.5),
                 "tip_radius": radius,
                 **common,
             },
@@ -289,30 +289,30 @@ class EditedScene:
             return constants
         if record.yield_range is not None:
             constants["yield_range"] = list(record.yield_range)
-        return {KIND_KEY: self._look.family, **constants}
+        return {KIND_KEY: self._inspected.family, **constants}
 
     def _refine_cells(self, stressed_place: Sequence[float], cell_size: float) -> None:
         """Make cells smaller at site and largest stress; in a finished mesh of solids, all."""
-        look = self._look
+        inspected = self._inspected
         for scene in (self._state.impact, self._state.fall):
             read = scene.get("geometry") or scene["deck"]
-            if not (look.is_meshed or look.is_divisible):
-                read["size"] = rounded_up(read.get("size", look.longest_cell) / 2)
+            if not (inspected.is_meshed or inspected.is_divisible):
+                read["size"] = rounded_up(read.get("size", inspected.longest_cell) / 2)
                 continue
             point = list(self.site["point"])
             known = read.get("refine", [])
             size = rounded_up(
-                (known[0][1] if known else cell_size or look.size) / REFINEMENT_FACTOR
+                (known[0][1] if known else cell_size or inspected.size) / REFINEMENT_FACTOR
             )
             places = [point, *([list(stressed_place)] if len(stressed_place) else [])]
             read["refine"] = [[place, size] for place in places]
 
 
-def _initial_sections(path: Path, look: Inspection, drop: bool) -> Table:
+def _initial_sections(path: Path, inspected: Inspection, drop: bool) -> Table:
     """Sections of the scene that `antiosc new` writes; `drop`: of a fall."""
-    text = new.scene_text(path.with_suffix(".toml").name, path.name, look, drop)
+    text = new.scene_text(path.with_suffix(".toml").name, path.name, inspected, drop)
     sections = tomllib.loads(text)
-    if drop and look.is_deck:
+    if drop and inspected.is_deck:
         sections["deck"]["free"] = True
     return sections
 

@@ -81,25 +81,25 @@ def write_scene(
 
     try:
         with progress.doing(f"looking at {source.name}"):
-            look = inspect_part(source, drop, unit, size, piece)
+            inspected = inspect_part(source, drop, unit, size, piece)
     except OSError as error:
         raise InputError(f"{source.name} could not be looked at: {error.strerror}.") from None
-    if look.is_deck and material is not None:
+    if inspected.is_deck and material is not None:
         raise InputError(
             f"{source.name} is a deck with materials of its own: leave --material away."
         )
-    flat = None if look.flat_contact is None or look.is_deck else (metal.E, metal.nu)
-    look = replace(
-        look,
+    flat = None if inspected.flat_contact is None or inspected.is_deck else (metal.E, metal.nu)
+    inspected = replace(
+        inspected,
         material=metal.name,
         material_is_given=material is not None,
-        flat_contact=flat or look.flat_contact,
+        flat_contact=flat or inspected.flat_contact,
     )
 
     _require_absent(target)
-    files.write_text(target, scene_text(target.name, relative, look, drop), "the scene file")
-    picture = _write_picture(target.with_suffix(".png"), look, drop)
-    return target, [*sentences, *look.sentences(source.name, drop), picture]
+    files.write_text(target, scene_text(target.name, relative, inspected, drop), "the scene file")
+    picture = _write_picture(target.with_suffix(".png"), inspected, drop)
+    return target, [*sentences, *inspected.sentences(source.name, drop), picture]
 
 
 def _require_absent(target: Path) -> None:
@@ -110,26 +110,26 @@ def _require_absent(target: Path) -> None:
         )
 
 
-def scene_text(name: str, source: str, look: Inspection, drop: bool = False) -> str:
+def scene_text(name: str, source: str, inspected: Inspection, drop: bool = False) -> str:
     """The text of the scene file `name`; `source`: the part's file as the scene names it."""
     return rendered_template(
         Path(__file__).with_name("page") / "scene.toml",
         name=name,
         source=json.dumps(source, ensure_ascii=False),
         part=Path(source).name,
-        deck=look.is_deck,
+        deck=inspected.is_deck,
         closed=Path(source).suffix.lower() == ".stl",
-        look=look,
-        read=dict.fromkeys(READING_KEYS) | look.read_options,
-        family=look.family,
+        look=inspected,
+        read=dict.fromkeys(READING_KEYS) | inspected.read_options,
+        family=inspected.family,
         fewest=INITIAL_COUNT,
-        material=look.material,
-        point=look.point,
-        direction=look.direction,
-        ball=look.ball_radius,
+        material=inspected.material,
+        point=inspected.point,
+        direction=inspected.direction,
+        ball=inspected.ball_radius,
         ball_material=json.dumps(inspection.BALL_MATERIAL),
         drop=drop,
-        groups=names_text(json.dumps(name, ensure_ascii=False) for name in look.groups),
+        groups=names_text(json.dumps(name, ensure_ascii=False) for name in inspected.groups),
         fall={
             "height": inspection.FALL_HEIGHT,
             "tilt": list(inspection.FALL_TILT),
@@ -144,7 +144,7 @@ def scene_text(name: str, source: str, look: Inspection, drop: bool = False) -> 
 # --- The picture ----------------------------------------------------------------------------------
 
 
-def _write_picture(path: Path, look: Inspection, drop: bool) -> str:
+def _write_picture(path: Path, inspected: Inspection, drop: bool) -> str:
     """Draw the part unless the file exists; returns a sentence on the picture."""
     if path.exists():
         return (
@@ -153,18 +153,18 @@ def _write_picture(path: Path, look: Inspection, drop: bool) -> str:
         )
     try:
         with progress.doing(f"drawing {path.name}"):
-            draw_part(look, path, drop=drop)
+            draw_part(inspected, path, drop=drop)
     except AntioscError as error:
         return f"{path.name} is not drawn: {error}"
     return f"a picture of it: {path}"
 
 
-def draw_part(look: Inspection, path: Path, *, drop: bool = False) -> None:
+def draw_part(inspected: Inspection, path: Path, *, drop: bool = False) -> None:
     """Draw the outer faces of a part; without `drop` also its supports and its impact."""
     from antiosc.plot.charts import save_figure
     from antiosc.plot.surfaces import DeformedSurface, deformed_figure
 
-    points, faces = look.points, look.faces
+    points, faces = inspected.points, inspected.faces
     if drop:
         height = 1e3 * (points[:, 2] - points[:, 2].min())
         label = "height over its lowest point (mm)"
@@ -172,10 +172,10 @@ def draw_part(look: Inspection, path: Path, *, drop: bool = False) -> None:
         figure = deformed_figure(part, whole_scale=True)
     else:  # each face has points of its own, so that it is held (yellow) or not (nan, grey)
         count = faces.shape[1]
-        fixed = np.repeat(look.held[faces].any(axis=1), count)
+        fixed = np.repeat(inspected.held[faces].any(axis=1), count)
         points = points[faces.ravel()]
         faces = np.arange(len(points)).reshape(-1, count)
-        arrow = np.array(look.point), np.array(look.direction)
+        arrow = np.array(inspected.point), np.array(inspected.direction)
         part = DeformedSurface(points, points, faces, np.where(fixed, 1.0, np.nan), "", 1.0)
         figure = deformed_figure(part, arrow=arrow, view=_view_angles(arrow[1]), whole_scale=True)
         held_text = "yellow: held; " if fixed.any() else ""

@@ -87,7 +87,7 @@ class OpenPart:
         self._choice: Table = {"piece": piece, "contact": contact}
         self._worker = PageWorker()
         self._kept = PartCache(structure)
-        self._look: Inspection | None = None
+        self._inspected: Inspection | None = None
         self._whole: Inspection | None = None
         self._scene: EditedScene | None = None
         self._first: Data = {}
@@ -109,7 +109,7 @@ class OpenPart:
         return {
             **answers,
             "look": lambda _: self._worker.compute(self._part_and_scene),
-            "take": lambda values: self._worker.compute(lambda: self._take_piece(values)),
+            "take": lambda values: self._worker.compute(lambda: self._open_piece(values)),
             "edit": self._edit_scene,
             "stop": lambda _: {"turn": self._worker.next_turn()},
             "names": lambda _: {"folder": self._part_folder, "names": _free_names(self._path)},
@@ -148,30 +148,32 @@ class OpenPart:
         """Read the part, begin its scene, and return the data that the page needs of both."""
         from antiosc_app.skin import face_places
 
-        look = self._look = self._inspect()
-        self._scene, (shape, faces, _) = first_scene(self._path, look, self._kept.cached_evaluation)
+        inspected = self._inspected = self._inspect()
+        self._scene, (shape, faces, _) = first_scene(
+            self._path, inspected, self._kept.cached_evaluation
+        )
         self._answer = None
         self._opening += 1
         own = self._given is not None
         return {
             "name": self._path.name,
             "opening": self._opening,
-            "pieces": self._piece_rows(look),
-            "piece": look.read_options.get("piece", JOINED_RANK),
-            "contact": look.read_options.get("contact", ""),
-            "contacts": CONTACT_TEXTS if "contact" in look.read_options else {},
-            "told": _file_sentences(look, own),
+            "pieces": self._piece_rows(inspected),
+            "piece": inspected.read_options.get("piece", JOINED_RANK),
+            "contact": inspected.read_options.get("contact", ""),
+            "contacts": CONTACT_TEXTS if "contact" in inspected.read_options else {},
+            "told": _file_sentences(inspected, own),
             "skin": shape,
             "faces": list(faces),
             "places": face_places(shape, list(faces)),
-            "materials": [] if look.is_deck else [*ISOTROPIC_MATERIALS, OWN_MATERIAL],
+            "materials": [] if inspected.is_deck else [*ISOTROPIC_MATERIALS, OWN_MATERIAL],
             "striker_materials": [*ISOTROPIC_MATERIALS, OWN_MATERIAL],
             "hammers": STEEL_HAMMERS,
             "floors": FLOOR_MATERIALS,
-            "family": look.family,
-            "of_deck": look.is_deck and not own,
-            "refines": look.is_meshed or not own,
-            "strengths": MATERIALS_THAT_YIELD if look.is_deck and not own else [],
+            "family": inspected.family,
+            "of_deck": inspected.is_deck and not own,
+            "refines": inspected.is_meshed or not own,
+            "strengths": MATERIALS_THAT_YIELD if inspected.is_deck and not own else [],
             "saves": not own,
             "engine": live.engine_wasm(),
         }
@@ -188,7 +190,7 @@ class OpenPart:
         more: Table = {"piece": piece, "contact": contact, "whole": self._whole}
         return inspect_part(self._path, **more, **self._options)
 
-    def _take_piece(self, values: Table) -> Data:
+    def _open_piece(self, values: Table) -> Data:
         """Open another `piece` of the part (0: all joined), or its deck with another `contact`.
 
         After an error the part before stays open.
@@ -212,14 +214,14 @@ class OpenPart:
         self._worker.next_turn()
         return {}
 
-    def _piece_rows(self, look: Inspection) -> list[tuple[int, str]]:
+    def _piece_rows(self, inspected: Inspection) -> list[tuple[int, str]]:
         """(rank, text) of each piece of the part, and of all joined if they can be."""
         joined = (
             []
             if self._whole is None or "piece" in self._whole.read_options
             else [(JOINED_RANK, JOINED_TEXT)]
         )
-        told = [(rank, _piece_text(rank, piece)) for rank, piece in enumerate(look.pieces, 1)]
+        told = [(rank, _piece_text(rank, piece)) for rank, piece in enumerate(inspected.pieces, 1)]
         return [*joined, *told] if told else []
 
     # -- the scene
@@ -327,7 +329,7 @@ class OpenPart:
         of_map: Table = {"most_sites": most, "duration": float(hit.time[-1]), "n": hit.model.n}
         if hit.model.patch_radius:
             of_map["radius"] = float(hit.model.patch_radius)
-        if self._look is not None and self._look.family != "Solid":
+        if self._inspected is not None and self._inspected.family != "Solid":
             of_map["direction"] = self._edited_scene.site["direction"]
         if values.get("where"):
             of_map["where"] = str(values["where"])
@@ -366,14 +368,14 @@ class OpenPart:
 
 
 def first_scene(
-    path: Path, look: Inspection, evaluation: Callable[[Document], Evaluation] = Evaluation
+    path: Path, inspected: Inspection, evaluation: Callable[[Document], Evaluation] = Evaluation
 ) -> tuple[EditedScene, PageSkin]:
     """(first scene of a part, its skin); `evaluation` makes the structure of the scene."""
     from antiosc_app.skin import page_skin
 
-    scene = compile_document(EditedScene(path, look, {}, ()).document())
-    shown = page_skin(evaluation(scene.document)(scene.structure), look)
-    return EditedScene(path, look, shown.faces, shown.held_faces), shown
+    scene = compile_document(EditedScene(path, inspected, {}, ()).document())
+    shown = page_skin(evaluation(scene.document)(scene.structure), inspected)
+    return EditedScene(path, inspected, shown.faces, shown.held_faces), shown
 
 
 def without_line_numbers(work: Callable[[], Any]) -> Any:
@@ -405,19 +407,19 @@ def _piece_text(rank: int, piece: Piece) -> str:
     return f"{rank}: {size} mm{f', {piece.name}' if piece.name else ''}"
 
 
-def _file_sentences(look: Inspection, is_given: bool) -> list[str]:
+def _file_sentences(inspected: Inspection, is_given: bool) -> list[str]:
     """Sentences on the part: size, mass, unit, and decisions made while its file was read.
 
     `is_given`: whether the caller gave a structure in place of a file.
     """
-    told = [f"{look.sides_text()}, {look.cells_text}"]
+    told = [f"{inspected.sides_text()}, {inspected.cells_text}"]
     with contextlib.suppress(InputError):
-        told.append(f"mass {engineering(look.mass, 'kg')}")
-    if "unit" in look.read_options:
-        told.append(f"unit of the file: {look.unit_text()}; antiosc open --unit changes it")
-    if look.is_deck and look.is_free_deck and not is_given:
+        told.append(f"mass {engineering(inspected.mass, 'kg')}")
+    if "unit" in inspected.read_options:
+        told.append(f"unit of the file: {inspected.unit_text()}; antiosc open --unit changes it")
+    if inspected.is_deck and inspected.is_free_deck and not is_given:
         told.append("the deck holds it nowhere")
-    return [f"{'; '.join(told)}.", *map(capitalised, look.notes)]
+    return [f"{'; '.join(told)}.", *map(capitalised, inspected.notes)]
 
 
 def _free_names(part: Path) -> list[str]:

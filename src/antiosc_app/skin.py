@@ -35,8 +35,8 @@ class PageSkin(NamedTuple):
     held_faces: list[str]  # names of the faces that a new scene fixes
 
 
-def page_skin(structure: Structure, look: Inspection) -> PageSkin:
-    """The surface of a structure and its faces; `look`: the inspection of its part."""
+def page_skin(structure: Structure, inspected: Inspection) -> PageSkin:
+    """The surface of a structure and its faces; `inspected`: the inspection of its part."""
     members = with_parts(structure).members()
     mesh = members[0].part.mesh
     if len(members) > 1 or mesh.tdim == 1:
@@ -45,7 +45,9 @@ def page_skin(structure: Structure, look: Inspection) -> PageSkin:
         shape, _ = drawn_surface(page_surface)
         shape["tags"] = np.zeros(len(page_surface.faces), dtype=np.uint32)
         all_faces, held_first = (
-            ({}, []) if look.is_deck else _with_guessed_support(_group_supports(mesh), look)
+            ({}, [])
+            if inspected.is_deck
+            else _with_guessed_support(_group_supports(mesh), inspected)
         )
         shape["sets"] = shape["nodes"] = [np.zeros(0, dtype=np.uint32) for _ in all_faces]
         return PageSkin(shape, all_faces, held_first)
@@ -77,16 +79,16 @@ def page_skin(structure: Structure, look: Inspection) -> PageSkin:
         owner = np.tile(owner, 2)
     used_points, faces = np.unique(corners, return_inverse=True)
     shape = geometry_data(mesh.dolfinx.geometry.x[used_points], faces.reshape(-1, 3))
-    on_plane = _faces_on(outer, look.held_plane, mesh.extent())
+    on_plane = _faces_on(outer, inspected.held_plane, mesh.extent())
     numbers = np.unique(owner[on_plane][owner[on_plane] > 0])
     has_others = np.isin(np.delete(owner[: len(outer)], on_plane), numbers).any()
     names = [name for number, name in enumerate(groups, start=1) if number in numbers]
     # a face that goes on beyond the plane would hold more, perhaps the site
     all_faces, held_first = (
-        _with_guessed_support(groups, look) if has_others or not names else (groups, names)
+        _with_guessed_support(groups, inspected) if has_others or not names else (groups, names)
     )
-    if look.held_plane is not None:
-        masks[_plane_name(look)] = np.isin(np.arange(len(outer)), on_plane)
+    if inspected.held_plane is not None:
+        masks[_plane_name(inspected)] = np.isin(np.arange(len(outer)), on_plane)
     shape["tags"] = owner.astype(np.uint32)
     sets = (np.tile(masks[name], 2) if doubled else masks[name] for name in all_faces)
     shape["sets"] = [np.flatnonzero(mask).astype(np.uint32) for mask in sets]
@@ -162,24 +164,24 @@ def _cells_touching(outer: Faces, parts: Mapping[int, IntArray]) -> BoolArray:
 
 
 def _with_guessed_support(
-    faces: dict[str, SupportTable], look: Inspection
+    faces: dict[str, SupportTable], inspected: Inspection
 ) -> tuple[dict[str, SupportTable], list[str]]:
     """(`faces` with the guessed supporting plane, names of the faces that a new scene fixes)."""
-    if look.is_deck:  # which has supports of its own
+    if inspected.is_deck:  # which has supports of its own
         return faces, []
-    if look.held_groups:
-        return faces, list(look.held_groups)
-    if look.held_plane is None:
+    if inspected.held_groups:
+        return faces, list(inspected.held_groups)
+    if inspected.held_plane is None:
         return faces, []
-    name = _plane_name(look)
-    return {**faces, name: {"plane": look.held_plane}}, [name]
+    name = _plane_name(inspected)
+    return {**faces, name: {"plane": inspected.held_plane}}, [name]
 
 
-def _plane_name(look: Inspection) -> str:
+def _plane_name(inspected: Inspection) -> str:
     """Name of the guessed supporting plane, as "side -z of the box, below"."""
-    point, normal = np.array(look.held_plane)
+    point, normal = np.array(inspected.held_plane)
     axis = int(np.abs(normal).argmax())
-    is_low = point[axis] < (look.box_low[axis] + look.box_high[axis]) / 2
+    is_low = point[axis] < (inspected.box_low[axis] + inspected.box_high[axis]) / 2
     side = BOX_SIDES[2 * axis + (not is_low)]
     return f"side {side} of the box{SIDE_WORDS.get(side, '')}"
 

@@ -249,10 +249,10 @@ def _take_entry(entry: tuple[Key, Workspace]) -> bool:
     return True
 
 
-def return_workspace(packed: PackedSystem, space: Workspace) -> None:
+def return_workspace(packed: PackedSystem, workspace: Workspace) -> None:
     """Return a workspace to the store for later runs."""
-    if space.nbytes <= _MAX_STORED_BYTES:
-        _stored_workspaces.insert(0, (packed.key, space))
+    if workspace.nbytes <= _MAX_STORED_BYTES:
+        _stored_workspaces.insert(0, (packed.key, workspace))
         del _stored_workspaces[_MAX_STORED:]
 
 
@@ -274,17 +274,17 @@ def solve(
         system = system.marched
     packed = system.packed
     m, size = system.beta.shape
-    space = take_workspace(packed)
+    workspace = take_workspace(packed)
     solution = library.CSolution()
-    buffers = space.buffers
+    buffers = workspace.buffers
     for buffers_of_run in buffers:
         buffers_of_run.keep(keep)
     arguments = (
-        space.stepper,
+        workspace.stepper,
         byref(packed.system),
         byref(options),
         byref(solution),
-        addressof(space.records),
+        addressof(workspace.records),
         max(_NODES_AT_ONCE // (50 * (m + 1) * (size + m + 20)), 16),
     )
     status = library.PAUSED
@@ -294,10 +294,10 @@ def solve(
             buffers[solution.present].enlarge(keep)
     check_status(status)
     if status == library.LAW_FAILED:
-        return_workspace(packed, space)
+        return_workspace(packed, workspace)
         packed.raise_law_error()
     best = buffers[solution.best].run(solution.answer, solution.summary, keep)
-    return_workspace(packed, space)
+    return_workspace(packed, workspace)
     return best, solution
 
 

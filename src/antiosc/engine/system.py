@@ -106,7 +106,7 @@ class System:
 
     @property
     def tangents(self) -> NDArray[np.int32]:
-        """First tangential rows and their numbers (p, 2)."""
+        """First tangential row of each contact and the number of its rows, (p, 2)."""
         return self._two_columns("first_tangential")
 
     @property

@@ -180,7 +180,7 @@ def _parabola_tops(t: Array, y: Array) -> tuple[Array, Array]:
 def _time_step(
     motion: BodyMotion, coarse: float, columns: Array, values: Array, scalar: ScalarFunction
 ) -> tuple[float, float]:
-    """(time step [s] <= `coarse`, largest share that it misses of one of `values` (S,))."""
+    """(time step [s] <= `coarse`, bound on the share of a value that it misses); values : (S,)."""
     curved = 0.0
     weights = np.zeros(len(motion.omega))
     # of the node where the modes curve the value most, relative to it

@@ -1,5 +1,5 @@
 """Simulation of impacts: assembly of bodies and contacts, time integration, results.
 
-`simulate` takes two bodies and one contact, `Scene` several; `reference` has alternative methods
-for one contact. This package does not import the finite-element package.
+`simulate` takes two bodies and one contact, `Scene` several; `reference` has textbook methods for
+comparison. This package does not import the finite-element package.
 """

@@ -295,7 +295,7 @@ def _reference_body(
 
 
 def _difference_factors(bodies: Sequence[_ReferenceBody], durations: Array) -> Array:
-    """Factors kappa (m, n_spans) of |D| <= kappa √(2E), for motions that last the spans [s]."""
+    """Factors kappa (m, n) with |D| <= kappa √(2E) (see the module) over durations (n,) [s]."""
     x = 1 / np.append(durations, durations[-1] * 4.0 ** np.arange(1, 10)) ** 2
     H = np.zeros((len(bodies[0].beta), x.size))
     for body in bodies:

@@ -75,7 +75,7 @@ class Contacts:
         """Forces, indentations and rates at the end of a step of length h [s] from t [s].
 
         last : those at its start; free, speed : (m,) indentations and rates at its end without
-        forces there; A, A_rate : (m, m) what unit forces take from them.
+        forces there; A, A_rate : (m, m) their decreases by unit forces.
         """
         for c, closed in enumerate(self.closed):
             if not closed and free[c] > self.origin(c):
