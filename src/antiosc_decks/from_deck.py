@@ -99,15 +99,7 @@ def join_parts(
     """
     joints = model["joints"]
     points = {point_name(-1 - k): x for k, x in enumerate(joints["points"])}
-    constraints = NodeConstraints(
-        joints["equations"],
-        joints["springs"],
-        list(points),
-        numbers,
-        joints["masses"],
-        dict(joints.get("among", [])),
-        joints["dampers"],
-    )
+    constraints = NodeConstraints(joints, list(points), numbers)
     shared: list[Joint] = [SharedNodes(numbers)] if len(parts) > 1 else []
 
     own_supports = [Support(point_name(point), fix) for point, fix in model["fixed_points"]]
@@ -122,15 +114,13 @@ def join_parts(
         parts,
         [*shared, constraints],
         points=points,
-        supports=[*own_supports, *_supports_of_parts(parts, supports)],
+        supports=[*own_supports, *_part_supports(parts, supports)],
         attached=[*attachments(model), *attached],
         solver=solver,
     )
 
 
-def _supports_of_parts(
-    parts: Mapping[str, Structure], supports: Sequence[Support]
-) -> list[Support]:
+def _part_supports(parts: Mapping[str, Structure], supports: Sequence[Support]) -> list[Support]:
     """Supports whose group is replaced by the group of this name in each part that has it."""
     of_parts = []
     for support in supports:
@@ -250,21 +240,10 @@ def read_model(
     """
     checks.instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     file = checks.path("path", path)
-    read = _reader(
-        file,
-        unit,
-        density=density,
-        modulus=modulus,
-        merge=merge,
-        parts=parts,
-        piece=piece,
-        contact=contact,
-        free=free,
-        root=root,
-        timeout=timeout,
-    )
+    chosen = density, modulus, merge, parts, piece, contact, free, root, timeout
+    read = _reader(file, unit, *chosen)
 
-    strength = Strength.from_arguments(yield_strength, yield_range)
+    strength = Strength.of(yield_strength, yield_range)
     added_supports = checks.list_of("supports", supports, Support, "Support objects")
     added_attachments = attachments_of(attached)
     raws = on_root(comm, read)
@@ -309,9 +288,8 @@ def facts_of_deck(path: str | Path, unit: str | float = "m", **options: Any) -> 
     `options` are arguments of `read_model`.
     """
     raws = _reader(checks.path("path", path), unit, **options, massless=True)()
-    families = [
-        family for raw in raws.values() for family in _families_of_groups(raw, Strength()).values()
-    ]
+    groups = [_families_of_groups(raw, Strength()) for raw in raws.values()]
+    families = [family for group in groups for family in group.values()]
     longest = max(float(np.ptp(raw.points, axis=0).max()) for raw in raws.values())
     return DeckFacts(families, longest, next(iter(raws.values())).pieces)
 
@@ -326,22 +304,17 @@ def _families_of_groups(raw: RawMesh, strength: Strength) -> dict[str, Family]:
     }
 
 
-def _cells_of_kind(content: FileMesh, part_name: str) -> FileMesh:
+def _cells_of_kind(content: FileMesh, part: str) -> FileMesh:
     """A deck with the cells of one part alone, their groups and the supports on them."""
-    mark = fixed_group_name("", part_name)
-    groups = {
-        n: {part_name: parts[part_name]}
-        for n, parts in content.groups.items()
-        if part_name in parts
-    }
+    mark = fixed_group_name("", part)
+    groups = {n: {part: parts[part]} for n, parts in content.groups.items() if part in parts}
     fixed = {n.removesuffix(mark): e for n, e in content.fixed.items() if n.endswith(mark)}
-    return replace(content, cells={part_name: content.cells[part_name]}, groups=groups, fixed=fixed)
+    return replace(content, cells={part: content.cells[part]}, groups=groups, fixed=fixed)
 
 
 def _reader(
     file: Path,
     unit: str | float,
-    *,
     density: float | None = None,
     modulus: float | None = None,
     merge: float | None = None,
@@ -389,16 +362,15 @@ def _reader(
         for raw in (selected_mesh(one, None, None, file.name) for one in whole):
             model = _model_read(raw)
             flat = flattened(raw, model["gdim"], file.name)
+            choices = _choices_text(flat)
             if model["joined"] and model["pieces"] > 1 and not model["held"] and merge is None:
                 fault = f"{file.name} falls into {model['pieces']} pieces that nothing joins, and "
                 fault += "supports do not hold each"
-                remedy = f"join, merge or hold them, or read one of them ({_choices_text(flat)})."
+                remedy = f"join, merge or hold them, or read one of them ({choices})."
                 raise pieces_error(flat, fault, remedy)
             pieces = model["joined"] or model["held"]
             part = TRIANGLE_PART if PART_NAMES[raw.kind.dim] in meshes else PART_NAMES[raw.kind.dim]
-            meshes[part] = sound(
-                flat, file.name, made_here=False, pieces=pieces, by=_choices_text(flat)
-            )
+            meshes[part] = sound(flat, file.name, made_here=False, pieces=pieces, by=choices)
 
         return meshes
 
@@ -452,9 +424,7 @@ class Strength(NamedTuple):
     rate: tuple[float, ...] | None = None
 
     @classmethod
-    def from_arguments(
-        cls, value: float | str | None, ends: tuple[float, float] | None
-    ) -> Strength:
+    def of(cls, value: float | str | None, ends: tuple[float, float] | None) -> Strength:
         """The strength by the arguments `yield_strength` and `yield_range` of `read_model`."""
         rate = None
         if isinstance(value, str):
@@ -464,9 +434,7 @@ class Strength(NamedTuple):
             value = checks.positive("yield_strength", value, "Pa")
         return cls(value, None if ends is None else checks.strength_range(ends, value), rate)
 
-    def family_options(
-        self, family: Callable[..., Family], E: float, rho: float
-    ) -> dict[str, object]:
+    def options(self, family: Callable[..., Family], E: float) -> dict[str, object]:
         """The arguments of a family that state the strength of its material."""
         if self.value is None or "yield_strength" not in signature(family).parameters:
             return {}
@@ -478,9 +446,8 @@ class Strength(NamedTuple):
 
 def _one_strength_text(raws: Iterable[RawMesh], strength: Strength, name: str) -> str:
     """Sentence that several materials of a deck get the one strength given; else ""."""
-    families: list[Any] = [
-        one for raw in raws for one in _families_of_groups(raw, strength).values()
-    ]
+    groups: list[dict[str, Any]] = [_families_of_groups(raw, strength) for raw in raws]
+    families = [family for group in groups for family in group.values()]
     strong = {(one.E, one.rho) for one in families if getattr(one, "yield_strength", None)}
     if strength.value is None or len(strong) < 2:
         return ""
@@ -519,7 +486,7 @@ def _family_of_section(
         if "section" in values:
             values["section"] = Section(**values["section"])
         family = FAMILIES[family_name]
-        given = strength.family_options(family, values["E"], values["rho"]) if "E" in values else {}
+        given = strength.options(family, values["E"]) if "E" in values else {}
         return family(**values, **given)
     except InputError as error:
         raise InputError(f"{place}: {error}") from error

@@ -10,14 +10,13 @@ A beam bends between its nodes: its dofs follow only if both nodes belong to one
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import permutations
 
 import basix
 import numpy as np
 import scipy.sparse
-from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
@@ -27,7 +26,7 @@ from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
-from antiosc.io.neutral import MotionTerm
+from antiosc.io.neutral import Joints, MotionTerm
 
 #: Columns and values of a row of a matrix.
 MatrixRow = tuple[IntArray, Array]
@@ -100,9 +99,8 @@ class NumberedMesh:
         """A cell with all these vertices, or None; two vertices of a line must be an edge of it."""
         if len(numbers) == 2 and follower_dim == 1 and tuple(sorted(numbers)) not in self.edges:
             return None
-        return min(
-            set.intersection(*(self.cells_around.get(n, set()) for n in numbers)), default=None
-        )
+        around = (self.cells_around.get(n, set()) for n in numbers)
+        return min(set.intersection(*around), default=None)
 
 
 class AssemblyNodes:
@@ -261,9 +259,7 @@ class DofsBetween:
         """Yield the dofs of one motion between nodes of the deck, some of them `selected`."""
         member = mesh.member
         path = member.part.form.components.get(_component_names(motion)[motion % 3])
-        near = [
-            n for n, shares in self.among.items() if any(node in selected for node, _ in shares)
-        ]
+        near = [n for n, among in self.among.items() if any(k in selected for k, _ in among)]
         touching = np.flatnonzero(np.isin(mesh.numbers, [*selected, *near]).any(axis=1))
         if path is None or not len(touching):
             return
@@ -277,9 +273,8 @@ class DofsBetween:
         first = np.unique(dofs, return_index=True)[1]
         for position, d in (divmod(k, dofs.shape[1]) for k in np.sort(first).tolist()):
             members = nonzero[d]
-            shares = self._deck_weights(
-                mesh.numbers[touching[position], members], weights[d, members]
-            )
+            numbers = mesh.numbers[touching[position], members]
+            shares = self._deck_weights(numbers, weights[d, members])
             if len(shares) > 1 and any(n in selected for n in shares):
                 yield int(dofs[position, d]), list(shares), np.array(list(shares.values()))
 
@@ -298,11 +293,8 @@ class DofsBetween:
         beam = mesh.member.part.mesh.tdim == 1
         dofs = list(self._dofs(mesh, motion, rows))
         nodes.prepare_rows((n, motion) for _, numbers, _ in dofs for n in numbers)
-        dofs = [
-            dof
-            for dof in dofs
-            if (not beam or self._in_one_body(dof[1])) and self._is_determined(dof[1], motion)
-        ]
+        dofs = [dof for dof in dofs if not beam or self._in_one_body(dof[1])]
+        dofs = [dof for dof in dofs if self._is_determined(dof[1], motion)]
         tied = {} if beam else self._tied_rows(dofs, motion)
 
         for column, numbers, weights in dofs:
@@ -323,32 +315,26 @@ class DofsBetween:
         """Dof -> row of the motion at its place in the one cell to which all its nodes are tied."""
         by_mesh: dict[int, list[tuple[int, int, Array]]] = {}
         for dof in dofs:
-            for k, cell, X in self._places_in_tied_cell(dof, motion):
+            for k, cell, X in self._tied_places(dof, motion):
                 by_mesh.setdefault(k, []).append((dof[0], cell, X))
         result: dict[int, MatrixRow] = {}
         for k, places in by_mesh.items():
             columns, cells, points = zip(*places, strict=True)
-            motions = self.nodes.layout.at_points(
-                self.nodes.meshes[k].member,
-                np.array(cells),
-                np.array(points),
-                _component_names(motion),
-            )[motion % 3 :: 3]
+            member = self.nodes.meshes[k].member
+            where = np.array(cells), np.array(points), _component_names(motion)
+            motions = self.nodes.layout.at_points(member, *where)[motion % 3 :: 3]
             result |= {column: row_of(motions, i) for i, column in enumerate(columns)}
         return result
 
-    def _places_in_tied_cell(
-        self, dof: InterpolatedDof, motion: int
-    ) -> list[tuple[int, int, Array]]:
+    def _tied_places(self, dof: InterpolatedDof, motion: int) -> list[tuple[int, int, Array]]:
         """[(part, cell, reference point)] of a dof in the one cell of its tied nodes; else []."""
         _, numbers, weights = dof
         rows = self.dependent[motion]
         if not all(number in rows for number in numbers):
             return []
         positions = np.array([self._position(number) for number in numbers])
-        reach = TIE_DISTANCE * float(
-            np.linalg.norm(positions - positions.mean(axis=0), axis=1).max()
-        )
+        distances = np.linalg.norm(positions - positions.mean(axis=0), axis=1)
+        reach = TIE_DISTANCE * distances.max()
         total: dict[int, float] = {}
         for number, weight, x in zip(numbers, weights, positions, strict=True):
             first, *others = self.equations[rows[number]]
@@ -394,9 +380,8 @@ class DofsBetween:
         rows = self.dependent[motion]
         dependent = [n for n in numbers if n in rows]
         independent = set(numbers) - set(dependent)
-        followed = [
-            {n for n, m, _ in self.equations[rows[n]][1:] if m == motion} for n in dependent
-        ]
+        equations = [self.equations[rows[n]] for n in dependent]
+        followed = [{n for n, m, _ in terms[1:] if m == motion} for terms in equations]
         if followed and all(independent <= leaders for leaders in followed):
             return True
         return all(self.nodes.is_fixed(n, motion) for n in independent)
@@ -445,15 +430,13 @@ class SharedNodes(Joint):
 
     def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
         """Constraints by which the shared dofs of a part follow those of an earlier part."""
-        ordered = sorted(
-            layout.members.values(), key=lambda m: (m.part.form.degree, -m.part.mesh.tdim)
-        )
+        members = layout.members.values()
+        ordered = sorted(members, key=lambda m: (m.part.form.degree, -m.part.mesh.tdim))
         meshes = [NumberedMesh(m, self.numbers[m.name]) for m in ordered]
-        return [
-            rows
-            for k, follower in enumerate(meshes)
-            for rows in _follower_constraints(layout, follower, meshes[:k])
-        ]
+        rows: list[Rows] = []
+        for k, follower in enumerate(meshes):
+            rows += _follower_constraints(layout, follower, meshes[:k])
+        return rows
 
 
 def _follower_constraints(
@@ -504,11 +487,7 @@ def _shared_nodes(
 
 
 def _tied_nodes(
-    layout: Layout,
-    follower: Member,
-    leader: Member,
-    where: Mapping[int, int],
-    names: tuple[str, ...],
+    layout: Layout, follower: Member, leader: Member, where: dict[int, int], names: tuple[str, ...]
 ) -> Rows:
     """Constraints by which nodes of one part follow the cells of another that contain them."""
     nodes = np.array(list(where))
@@ -527,33 +506,26 @@ def _tied_nodes(
 class NodeConstraints(Joint):
     """Constraints Σ coefficient × motion = 0, springs, dampers and masses on nodes of a deck."""
 
-    #: terms of each constraint; the first is the dependent motion
-    equations: Sequence[Sequence[MotionTerm]]
-    #: (terms of a relative motion, stiffness in N/m)
-    springs: Sequence[tuple[Sequence[MotionTerm], float]]
+    joints: Joints
     points: Sequence[str]  # names of the reference points in the order of their numbers
     #: part -> number of each node of its mesh, in the order in which they were read
     numbers: Mapping[str, IntArray]
-    #: (terms of each of k motions, their mass matrix (k, k), kg)
-    masses: Sequence[tuple[Sequence[Sequence[MotionTerm]], ArrayLike, float]] = ()
-    #: as in `Joints`
-    among: Mapping[int, Sequence[tuple[int, float]]] = field(default_factory=dict)
-    #: (terms of a relative motion, damping in N s/m)
-    dampers: Sequence[tuple[Sequence[MotionTerm], float]] = ()
     name: str | None = "constraints of the deck"
 
     def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
         """Rows of the constraints, of the dofs between their nodes, and of middle nodes."""
         nodes = AssemblyNodes(layout, self.points, self.numbers)
-        equations = nodes.functionals(self.equations)
-        nodes.prepare_rows((number, motion) for (number, motion, _), *_ in self.equations)
-        dependent = np.array([nodes.dof_of(terms[0]) for terms in self.equations], dtype=int)
-        rows = [Rows(equations, dependent, label)] if equations.shape[0] else []
+        equations = self.joints["equations"]
+        matrix = nodes.functionals(equations)
+        nodes.prepare_rows((number, motion) for (number, motion, _), *_ in equations)
+        dependent = np.array([nodes.dof_of(terms[0]) for terms in equations], dtype=int)
+        rows = [Rows(matrix, dependent, label)] if equations else []
         nodes.fixed = held.fixed.copy()
         for row in held.rows:
             is_single = np.diff(row.matrix.indptr) == 1
             nodes.fixed[row.matrix[is_single].indices] = True
-        inner = DofsBetween(nodes, self.equations, equations, self.among).matrix()
+        among = dict(self.joints.get("among", []))
+        inner = DofsBetween(nodes, equations, matrix, among).matrix()
         found = (inner, _middle_node_constraints(nodes))
         return rows + [Rows.free(matrix, label) for matrix in found if matrix.shape[0]]
 
@@ -562,22 +534,22 @@ class NodeConstraints(Joint):
         nodes = AssemblyNodes(layout, self.points, self.numbers)
         contributions: list[ElasticTerm] = []
         none = np.zeros((1, 1))
-        links = [terms for terms, _ in (*self.springs, *self.dampers)]
-        rows = nodes.functionals(links)
-        values = [np.array([[value]]) for _, value in (*self.springs, *self.dampers)]
-        for k, value in enumerate(values):
-            spring = k < len(self.springs)
-            damping = None if spring else value
-            contributions.append(ElasticTerm(rows[k], value if spring else none, none, c=damping))
+        springs = self.joints["springs"]
+        links = [*springs, *self.joints["dampers"]]
+        rows = nodes.functionals([terms for terms, _ in links])
+        for k, (_, value) in enumerate(links):
+            matrix = np.array([[value]])
+            K, C = (matrix, None) if k < len(springs) else (none, matrix)
+            contributions.append(ElasticTerm(rows[k], K, none, c=C))
 
-        masses = nodes.functionals([terms for motions, _, _ in self.masses for terms in motions])
+        masses = self.joints["masses"]
+        rows = nodes.functionals([terms for motions, _, _ in masses for terms in motions])
         start = 0
-        for motions, M, mass in self.masses:
-            of_mass = masses[start : start + len(motions)]
+        for motions, M, mass in masses:
+            of_mass = rows[start : start + len(motions)]
             start += len(motions)
-            contributions.append(
-                ElasticTerm(of_mass, np.zeros((len(motions),) * 2), np.array(M), mass)
-            )
+            no_stiffness = np.zeros((len(motions),) * 2)
+            contributions.append(ElasticTerm(of_mass, no_stiffness, np.array(M), mass))
         return contributions
 
 
@@ -590,10 +562,8 @@ def _middle_node_constraints(nodes: AssemblyNodes) -> Sparse:
         numbers = np.intersect1d(mesh.vertices, middles).tolist()
         rotate = mesh.member.has_rotations and other.member.has_rotations
         for names in (DISPLACEMENTS, ROTATIONS)[: 1 + rotate] if numbers else ():
-            rows.append(
-                mesh.motion_matrix(layout, numbers, names)
-                - other.motion_matrix(layout, numbers, names)
-            )
+            own, others = (one.motion_matrix(layout, numbers, names) for one in (mesh, other))
+            rows.append(own - others)
     result = scipy.sparse.vstack(rows).tocsr()
     result.eliminate_zeros()
     return result[np.diff(result.indptr) > 0]
