@@ -9,14 +9,7 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import Deck, IntArray
-from antiosc_decks.abaqus_cards import (
-    FIRST_NON_CELL_ROW,
-    Card,
-    Row,
-    Scope,
-    account_for,
-    read_cards as read_cards,
-)
+from antiosc_decks.abaqus_cards import FIRST_NON_CELL_ROW, Card, Row, Scope, account_for, read_cards
 from antiosc_decks.abaqus_mesh import NO_ROWS, AbaqusMesh, mesh_of
 from antiosc_decks.constraints import lever_matrix
 from antiosc_decks.entries import DeckPlace, Numbering
@@ -134,9 +127,8 @@ class AbaqusDeck:
         labels = np.empty(len(mesh.points), dtype=np.int64)
         labels[mesh.nodes.order] = mesh.nodes.labels
         deck.labels = np.concatenate([deck.labels, labels])
-        deck.points = np.vstack(
-            [deck.points, mesh.points @ instance.rotation.T + instance.translation]
-        )
+        points = mesh.points @ instance.rotation.T + instance.translation
+        deck.points = np.vstack([deck.points, points])
         for block in mesh.blocks:
             deck.blocks.append(block.mapped(lambda table: np.where(table >= 0, table + nodes, -1)))
 

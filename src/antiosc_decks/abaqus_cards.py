@@ -19,17 +19,8 @@ FIRST_NON_CELL_ROW = 2**40
 #: Cards whose data may be in a separate file (INPUT=).
 CARDS_WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
 #: Cards of loads, whose data may be in a file that is not there.
-LOAD_CARDS = (
-    "CLOAD",
-    "DLOAD",
-    "DSLOAD",
-    "FILM",
-    "SFILM",
-    "RADIATE",
-    "CFLUX",
-    "DFLUX",
-    "TEMPERATURE",
-)
+LOAD_CARDS: tuple[str, ...] = ("CLOAD", "DLOAD", "DSLOAD", "CFLUX", "DFLUX")
+LOAD_CARDS += ("TEMPERATURE", "FILM", "SFILM", "RADIATE")
 #: The comment over a surface that cgx of Debian writes without its keyword line.
 CGX_SURFACE_COMMENT = re.compile(r"\*\* Surfaces based on (\S+)$")
 

@@ -263,29 +263,24 @@ class _JointReader:
         return place.look_up(self.surfaces, name.upper(), message)
 
     def tie(self, card: Card) -> None:
-        """*TIE: slave and master surfaces."""
-        tolerance = card.option("POSITIONTOLERANCE")
-        reach = real_number(tolerance, card.place) if tolerance else None
+        """*TIE: slave nodes follow master faces by shape functions; those out of reach are told."""
+        word = card.option("POSITIONTOLERANCE")
+        tolerance = real_number(word, card.place) if word else None
         for row in card.rows():
-            if len(row.fields) > 1:
-                slave, master = (self._surface(word, row.place) for word in row.fields[:2])
-                self._tie(slave, master, reach, row.place)
+            if len(row.fields) < 2:
+                continue
+            slave, master = (self._surface(name, row.place) for name in row.fields[:2])
+            row.needs(master.faces, "the master surface of *TIE must be of faces of elements.")
+            tied, reach = tied_nodes(self.joints, slave, master, tolerance)
+            tie_nodes(self.joints, tied, row.place)
 
-    def _tie(
-        self, slave: DeckFaces, master: DeckFaces, tolerance: float | None, place: DeckPlace
-    ) -> None:
-        """Tie slave nodes to master faces by shape functions; report those out of reach."""
-        place.require(master.faces, "the master surface of *TIE must be of faces of elements.")
-        tied, reach = tied_nodes(self.joints, slave, master, tolerance)
-        tie_nodes(self.joints, tied, place)
-
-        nodes = slave.nodes
-        untied = int((~np.isin(nodes, master.nodes)).sum()) - len(tied)
-        far = f"further than {reach:.3g} from the master surface (POSITION TOLERANCE=)"
-        place.require(untied != len(nodes), f"*TIE joins nothing: all slave nodes lie {far}.")
-        if untied:
-            count = f"{untied} of {len(nodes)} slave nodes of *TIE are not tied"
-            self.assembled.deck.remarks.append(f"{place}: {count}: they lie {far}.")
+            nodes = slave.nodes
+            untied = int((~np.isin(nodes, master.nodes)).sum()) - len(tied)
+            far = f"further than {reach:.3g} from the master surface (POSITION TOLERANCE=)"
+            row.needs(untied != len(nodes), f"*TIE joins nothing: all slave nodes lie {far}.")
+            if untied:
+                count = f"{untied} of {len(nodes)} slave nodes of *TIE are not tied"
+                self.assembled.deck.remarks.append(f"{row.place}: {count}: they lie {far}.")
 
     def contact_pair(self, card: Card) -> None:
         """*CONTACT PAIR: surfaces that touch are tied, as in a joint that stays pressed."""
@@ -300,33 +295,23 @@ class _JointReader:
                 text = f"{' and '.join(names)}" + f" at {count} nodes" * bool(count)
                 (self.tied if count else self.open).append(text)
 
-    def _tie_touching(
-        self, first_surface: DeckFaces, second_surface: DeckFaces, place: DeckPlace
-    ) -> int:
+    def _tie_touching(self, first: DeckFaces, second: DeckFaces, place: DeckPlace) -> int:
         """Tie two surfaces where they touch; return how many nodes are tied, 0 for a hinge.
 
         The surface with more nodes on the other is the slave, mostly the finer one. Nodes on one
         line would make a hinge: they are not tied.
         """
         joints = self.joints
-        reach = TIE_REACH * min(
-            mean_edge(joints, side) for side in (first_surface, second_surface) if side.faces
-        )
-        orders = [
-            (a, b)
-            for a, b in ((first_surface, second_surface), (second_surface, first_surface))
-            if b.faces
-        ]
+        reach = TIE_REACH * min(mean_edge(joints, side) for side in (first, second) if side.faces)
+        orders = [(a, b) for a, b in ((first, second), (second, first)) if b.faces]
         tied = max((tied_nodes(joints, a, b, reach)[0] for a, b in orders), key=len)
 
         points = self.assembled.deck.points
         x = np.array([points[one.node] for one in tied]).reshape(-1, 3)
         plane = not np.ptp(points[:, 2])
         size = float(np.ptp(points, axis=0).max())
-        if (
-            not len(x)
-            or np.linalg.matrix_rank(x - x[0], tol=COLLINEAR_TOLERANCE * size) < 2 - plane
-        ):
+        arms = x - x[:1]
+        if not len(x) or np.linalg.matrix_rank(arms, tol=COLLINEAR_TOLERANCE * size) < 2 - plane:
             return 0
 
         led = {terms[0][0] for terms in joints.equations}
@@ -343,9 +328,8 @@ class _JointReader:
             pairs = f"contact pairs that touch are tied: {_shortened_list(self.tied)}. They"
             remarks.append(f'{pairs} neither open nor slide; contact "apart" leaves them out.')
         if self.open:
-            remarks.append(
-                f"contact that is open at first is left out: {_shortened_list(self.open)}."
-            )
+            pairs = _shortened_list(self.open)
+            remarks.append(f"contact that is open at first is left out: {pairs}.")
 
     def equations(self, card: Card) -> None:
         """*EQUATION; the terms of one equation may continue on the following lines."""

@@ -84,13 +84,8 @@ def element_type(name: str) -> ElementType | None:
             return ElementType(shape, role, nodes, ends, (1,) * (nodes - 2))
         corners = CORNERS[shape]
         stop = corners + len(EDGES[shape]) * (nodes > corners)
-        inner = (
-            C3D27_INNER_NODES
-            if nodes == 27
-            else tuple(range(stop, nodes))
-            if shape == "quad"
-            else ()
-        )
+        inner = tuple(range(stop, nodes)) if shape == "quad" else ()
+        inner = C3D27_INNER_NODES if nodes == 27 else inner
         mids = tuple(range(corners, stop))
         return ElementType(shape, role, nodes, tuple(range(corners)), mids, inner)
     return None
@@ -222,9 +217,8 @@ def _read_elements(mesh: AbaqusMesh, cards: list[Card], name: str) -> None:
 
 def _read_non_cells(mesh: AbaqusMesh, card: Card, type_name: str) -> list[int]:
     """Read one card's elements that are not cells; return their numbers."""
-    width = next(
-        (count for pattern, count in NON_CELLS.items() if re.fullmatch(pattern, type_name)), 0
-    )
+    widths = [count for pattern, count in NON_CELLS.items() if re.fullmatch(pattern, type_name)]
+    width = max(widths, default=0)
     rows = [row for row in card.rows() if row.word(0)]
     for row in rows:
         if len(row.fields) <= width:
@@ -236,37 +230,33 @@ def _read_non_cells(mesh: AbaqusMesh, card: Card, type_name: str) -> list[int]:
 
 def _read_cells(mesh: AbaqusMesh, card: Card, type_name: str) -> IntArray:
     """Read one card's cells; return their numbers."""
-    element_kind = element_type(type_name)
-    assert element_kind is not None
-    rows, places = _element_rows(mesh, card, element_kind.node_count, type_name)
-    table = np.array(rows, dtype=np.int64).reshape(-1, 1 + element_kind.node_count)
+    kind = element_type(type_name)
+    assert kind is not None
+    rows, places = _element_rows(mesh, card, kind.node_count, type_name)
+    table = np.array(rows, dtype=np.int64).reshape(-1, 1 + kind.node_count)
     nodes = mesh.nodes.rows(table[:, 1:])
-    bad_rows = np.flatnonzero(((nodes < 0) & (table[:, 1:] != 0)).any(axis=1))
-    if not len(bad_rows):  # a middle node may be left out
-        bad_rows = np.flatnonzero((nodes[:, list(element_kind.corners)] < 0).any(axis=1))
-    if len(bad_rows):
-        row = int(bad_rows[0])
+    bad = np.flatnonzero(((nodes < 0) & (table[:, 1:] != 0)).any(axis=1))
+    if not len(bad):  # a middle node may be left out
+        bad = np.flatnonzero((nodes[:, list(kind.corners)] < 0).any(axis=1))
+    if len(bad):
+        row = int(bad[0])
         missing_node = int(table[row, 1:][nodes[row] < 0][0])
         fault = f"element {table[row, 0]} ({type_name}) has the node {missing_node}, which"
-        raise places[row].error(
-            f"{fault} the deck does not define ({len(bad_rows)} such elements)."
-        )
+        raise places[row].error(f"{fault} the deck does not define ({len(bad)} such elements).")
     if len(table):
-        corners, mids, inner = (nodes[:, list(node_columns)] for node_columns in element_kind[3:])
-        mesh.blocks.append(
-            Block(element_kind.shape, type_name, corners, mids, inner, element_kind.role)
-        )
+        corners, mids, inner = (nodes[:, list(columns)] for columns in kind[3:])
+        mesh.blocks.append(Block(kind.shape, type_name, corners, mids, inner, kind.role))
     return table[:, 0]
 
 
 def _element_rows(
-    mesh: AbaqusMesh, card: Card, node_count: int, type_name: str
+    mesh: AbaqusMesh, card: Card, count: int, type_name: str
 ) -> tuple[list[list[int]], list[DeckPlace]]:
     """(lists of [number, nodes …], their places) of a card's elements, of one or more lines each.
 
-    `node_count`: nodes of an element; `type_name`: its type, for messages.
+    `count`: nodes of an element; `type_name`: its type, for messages.
     """
-    fewest = 1 + node_count
+    fewest = 1 + count
     rows: list[list[int]] = []
     places: list[DeckPlace] = []
     current: list[int] = []
@@ -290,12 +280,10 @@ def _element_rows(
             current = []
 
     if current:
-        raise _too_few_nodes(start, current[0], type_name, len(current) - 1, node_count)
+        raise _too_few_nodes(start, current[0], type_name, len(current) - 1, count)
     if longer:
-        message = (
-            f"{card.place}: {longer} {type_name} elements list more than their {node_count} nodes"
-        )
-        mesh.remarks.append(f"{message}; the first {node_count} are taken, as CalculiX does.")
+        told = f"{card.place}: {longer} {type_name} elements list more than their {count} nodes"
+        mesh.remarks.append(f"{told}; the first {count} are taken, as CalculiX does.")
     return rows, places
 
 

@@ -220,7 +220,7 @@ class Sections:
                 bend = f"that {kind} do not bend: they are shells of their thickness"
                 self.builder.report_once(bend)
 
-        composite = "COMPOSITE" in card.options
+        plane = len(roles) == 1 and roles <= PLANE_ROLES and "COMPOSITE" not in card.options
         name = card.scope.original_name(card.option("ELSET"))
         if card.keyword in SHELL_CARDS and roles == {"shell"}:
             self._add_shells(card, name, elements)
@@ -231,15 +231,8 @@ class Sections:
             arguments = {**self._isotropic_arguments(card, "solids"), "area": area, "torsion": 0.0}
         elif card.keyword == "SOLIDSECTION" and roles == {"solid"}:
             kind, arguments = self._solid_family(card)
-        elif (
-            "BEAM" not in card.keyword
-            and len(roles) == 1
-            and roles <= PLANE_ROLES
-            and not composite
-        ):
-            kind, arguments = self._plane_family(
-                card, *roles
-            )  # a thickness means the same of shells
+        elif plane and "BEAM" not in card.keyword:  # a thickness means the same of shells
+            kind, arguments = self._plane_family(card, *roles)
         elif "BEAM" in card.keyword and roles == {"beam"}:
             given = np.flatnonzero(np.isfinite(self.thickness))
             nodal = any(np.isin(block.nodes, given).any() for block in blocks)
@@ -311,37 +304,32 @@ class Sections:
         self.builder.add_shells(name, elements, family, -share * thickness, axes)
         nodes = self.assembled.deck.nodes_of(elements)
         if len(self.thickness) and np.isfinite(self.thickness[nodes]).any():
-            self.builder.report_once(
-                f"*NODAL THICKNESS of layers, which have theirs ({card.place})"
-            )
+            told = f"*NODAL THICKNESS of layers, which have theirs ({card.place})"
+            self.builder.report_once(told)
 
-    def _zero_direction(
-        self, card: Card, elements: IntArray, normal_angle: float = NORMAL_ANGLE
-    ) -> Array:
+    def _zero_direction(self, card: Card, elements: IntArray, normal_angle: float) -> Array:
         """Direction of 0° in each element (n, 3): ORIENTATION=, else x, else z.
 
         z where x is within `normal_angle` degrees of the normal.
         """
         name = card.option("ORIENTATION")
         if name:
-            return self._first_directions(name, card, elements, card.place)
+            return self._direction_1(name, card, elements, card.place)
         card.refuse_rotated()
         normals = geometry.normals_of(self.assembled.deck, elements)
         x_is_normal = np.abs(normals[:, :1]) > math.cos(math.radians(normal_angle))
         return np.where(x_is_normal, np.eye(3)[2], np.eye(3)[0])
 
-    def _by_thickness(
-        self, elements: IntArray, section_thickness: float
-    ) -> Iterator[tuple[float, IntArray]]:
+    def _by_thickness(self, elements: IntArray, given: float) -> Iterator[tuple[float, IntArray]]:
         """Yield (thickness, elements) by the mean of *NODAL THICKNESS, as in CalculiX."""
         if not len(self.thickness):
-            yield section_thickness, elements
+            yield given, elements
             return
         thickness = np.zeros(len(elements))
         for block, positions in self.assembled.deck.blocks_of(elements):
             nodes = np.hstack([block.corners, block.mids])
             values = np.where(nodes >= 0, self.thickness[nodes], np.nan)
-            values = np.where(np.isfinite(values), values, section_thickness)
+            values = np.where(np.isfinite(values), values, given)
             self.varying += int((np.ptp(values, axis=1) > 1e-9 * values.max(axis=1)).sum())
             thickness[positions] = np.round(values[:, : block.corners.shape[1]].mean(axis=1), 12)
         for value in np.unique(thickness):
@@ -356,23 +344,21 @@ class Sections:
         materials = [self._material(*word) for word in words]
         oriented = [row for row in rows if self.orientations.find_card(row.word(3), card)]
         if oriented and not card.option("ORIENTATION"):
-            axis = self._first_directions(oriented[0].word(3), card, elements, card.place)
+            axis = self._direction_1(oriented[0].word(3), card, elements, card.place)
         else:
             isotropic = all(material.isotropic is not None for material in materials)
             axis = self._zero_direction(card, elements, 45.0 if isotropic else NORMAL_ANGLE)
         layers: list[dict[str, float]] = []
         for row, material in zip(rows, materials, strict=True):
             if row in oriented:
-                directions = self._first_directions(row.word(3), card, elements, row.place)
+                directions = self._direction_1(row.word(3), card, elements, row.place)
                 angle = _angle_between(axis, directions, normals, row.place)
             else:
                 angle = row.real(3)
             layers.append(self.builder.layer_arguments(material, row.real(0), angle))
         return layers, axis
 
-    def _first_directions(
-        self, name: str, card: Card, elements: IntArray, place: DeckPlace
-    ) -> Array:
+    def _direction_1(self, name: str, card: Card, elements: IntArray, place: DeckPlace) -> Array:
         """Direction 1 of a rectangular orientation, for each element (n, 3)."""
         axes = self.orientations.rectangular_axes(name, card, place)
         return np.broadcast_to(axes[0], (len(elements), 3))
