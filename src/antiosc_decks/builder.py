@@ -176,9 +176,7 @@ class ModelBuilder:
             C = np.linalg.inv(S)
         return ((C + C.T) / 2 * self.units.stress).tolist()  # type: ignore[no-any-return]
 
-    def layer_arguments(
-        self, material: Material, thickness: float, angle: float
-    ) -> dict[str, float]:
+    def layer_arguments(self, material: Material, thickness: float, angle: float) -> Json:
         """Arguments of a `Layer`; the thickness is in the deck's units."""
         E1, E2, _, nu12, _, _, *G = material.elasticity().tolist()
         moduli = zip(("E1", "E2", "G12", "G13", "G23"), (E1, E2, *G), strict=True)
@@ -259,11 +257,7 @@ class ModelBuilder:
         """
         place.require(value >= 0, f"{by} has a negative {quantity}, {value:g}.")
         moving = [t for t in terms if t[0] >= len(self.fixed) or not self.fixed[t[:2]]]
-        moving = [
-            (*self.joints.motion_alias.get((n, m), (n, m)), c)
-            for n, m, c in moving
-            if abs(c) > COSINE_ROUNDING
-        ]
+        moving = [(*self.joints.actual(n, m), c) for n, m, c in moving if abs(c) > COSINE_ROUNDING]
         if len(moving) == 1:
             ((node, motion, coefficient),) = moving
             moving = [(node, motion, 1.0)]
@@ -282,7 +276,7 @@ class ModelBuilder:
         """Add a mass matrix (6, 6) for the motions of a node along x, y, z, in the deck's units."""
         size = np.array([1.0] * 3 + [self.units.length] * 3)
         M = matrix * np.outer(size, size) * self.units.mass
-        motions = [self.joints.motion_alias.get((node, c), (node, c)) for c in range(6)]
+        motions = [self.joints.actual(node, c) for c in range(6)]
         point = motions[0][0]
         if point < len(self.used) and self.used[point] and not self.has_rotations[point]:
             if M[3:, 3:].any():
@@ -296,7 +290,6 @@ class ModelBuilder:
     def add_scalar_mass(self, terms: list[MotionTerm], value: float, mass: float) -> None:
         """Add a scalar mass on a sum of motions, in the deck's units; the total grows by `mass`."""
         unit = self.units.mass
-        alias = self.joints.motion_alias
-        aliased = [(*alias.get((n, m), (n, m)), c) for n, m, c in terms]
+        aliased = [(*self.joints.actual(n, m), c) for n, m, c in terms]
         if any(n >= len(self.used) or self.used[n] or not self.fixed[n, m] for n, m, _ in aliased):
             self.joints.masses.append(([aliased], np.array([[value * unit]]), mass * unit))

@@ -84,7 +84,9 @@ class FixedEntities:
         """Entities by dimension, as vertices, that are fixed where the nodes `rows` are fixed."""
         by_dimension = {0: np.intersect1d(rows, self.corners)[:, None]}
         is_fixed = np.zeros(self.nodes.count + 1, dtype=bool)
-        is_fixed[_rows_with_means(self.nodes, rows)] = True
+        others = np.ones(len(self.nodes.points))
+        others[rows] = 0.0
+        is_fixed[:-1] = abs(self.nodes.weights) @ others == 0  # also new nodes that are means
         edges = is_fixed[self.edges].all(axis=2)
         if self.mids is not None:
             edges &= is_fixed[self.mids]
@@ -94,9 +96,8 @@ class FixedEntities:
         dim = DIMENSION[self.shape]
         by_dimension[1] = self.edges[edges]
         if dim == 3:
-            by_dimension[2] = np.vstack(
-                [self._fixed_faces(face, edges) for face in FACES[self.shape]]
-            )
+            faces = [self._fixed_faces(face, edges) for face in FACES[self.shape]]
+            by_dimension[2] = np.vstack(faces)
         if dim > 1:
             by_dimension[dim] = self.corners[edges.all(axis=1)]
         return {d: entities for d, entities in by_dimension.items() if len(entities)}
@@ -132,13 +133,6 @@ def _nodes_around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) ->
     return np.vstack(node_rows)[row].reshape(*edges.shape[:2], 8)
 
 
-def _rows_with_means(table: NodeTable, nodes: IntArray) -> IntArray:
-    """Rows of `nodes` and of the new nodes that are means of these alone."""
-    others = np.ones(len(table.points))
-    others[nodes] = 0.0
-    return np.flatnonzero(abs(table.weights) @ others == 0)
-
-
 def _means_among(table: NodeTable, nodes: IntArray) -> list[tuple[int, list[tuple[int, float]]]]:
     """[(new node, [(node of the file, weight)])] of new nodes among `nodes` of the file."""
     count = len(table.points)
@@ -149,7 +143,5 @@ def _means_among(table: NodeTable, nodes: IntArray) -> list[tuple[int, list[tupl
     rows.eliminate_zeros()
     rows.sort_indices()
     parts = [slice(*ends) for ends in zip(rows.indptr[:-1], rows.indptr[1:], strict=True)]
-    weighted = [
-        list(zip(rows.indices[p].tolist(), rows.data[p].tolist(), strict=True)) for p in parts
-    ]
-    return list(zip(between.tolist(), weighted, strict=True))
+    weighted = list(zip(rows.indices.tolist(), rows.data.tolist(), strict=True))
+    return list(zip(between.tolist(), [weighted[part] for part in parts], strict=True))

@@ -72,18 +72,20 @@ class DeckConstraints:
         count = len(self.deck.points)
         return self.deck.points[node] if node < count else self.added_points[node - count]
 
+    def actual(self, node: int, motion: int) -> tuple[int, int]:
+        """The (node, motion) for which a motion stands; itself if it has no alias."""
+        return self.motion_alias.get((node, motion), (node, motion))
+
     def add_equation(self, terms: Iterable[MotionTerm], place: DeckPlace) -> None:
         """Add Σ coefficient × motion = 0; motions of nodes with local axes are along these."""
-        components = (
-            (c, *component) for n, m, c in terms for component in self._global_terms(n, m)
-        )
-        self._add_global_equation([(*motion, c * value) for c, motion, value in components], place)
+        parts = ((c, *part) for n, m, c in terms for part in self._global_terms(n, m))
+        self._add_global_equation([(*motion, c * value) for c, motion, value in parts], place)
 
     def _add_global_equation(self, terms: Iterable[MotionTerm], place: DeckPlace) -> None:
         """Add Σ coefficient × motion = 0, all motions along x, y, z."""
         total: dict[tuple[int, int], float] = {}
         for node, motion, coefficient in terms:
-            key = self.motion_alias.get((node, motion), (node, motion))
+            key = self.actual(node, motion)
             total[key] = total.get(key, 0.0) + coefficient
         largest = max(map(abs, total.values()), default=0.0)
         significant = [(*key, c) for key, c in total.items() if abs(c) > NEGLIGIBLE_TERM * largest]
@@ -232,9 +234,8 @@ class DeckConstraints:
         rotations = np.einsum("ij,p,pjk->ipk", inverse, w, skew)
         by_rotation = np.einsum("ik,p->ipk", inverse, spins)
         cross = lever_matrix(self.place(follower) - centre)
-        by_lever, lever_of_rotation = (
-            np.einsum("ij,jpk->ipk", cross, table) for table in (rotations, by_rotation)
-        )
+        levers = (np.einsum("ij,jpk->ipk", cross, table) for table in (rotations, by_rotation))
+        by_lever, lever_of_rotation = levers
         displacements = w[None, :, None] * np.eye(3)[:, None, :] + by_lever
         # a rotation about the line of the nodes does not displace a point on that line
         unknown = np.abs(cross @ principal[:, ~resisted]).max(initial=0.0) > 1e-9 * np.abs(r).max()
@@ -265,9 +266,8 @@ class DeckConstraints:
 
     def loose_nodes(self) -> list[int]:
         """The nodes without elements and the added points on which constraints or springs act."""
-        return sorted(
-            {n for terms in self.all_terms() for n, _, _ in terms if not self._is_used(n)}
-        )
+        nodes = {n for terms in self.all_terms() for n, _, _ in terms}
+        return sorted(n for n in nodes if not self._is_used(n))
 
     def all_terms(self, dampers: bool = True) -> list[list[MotionTerm]]:
         """The terms of all constraints, springs, masses, and (if `dampers`) dampers."""
@@ -344,7 +344,7 @@ def piece_mask(deck: Deck, chosen: BoolArray, length: float) -> BoolArray:
         deck.pieces = [_piece_record(deck, chosen, members) for members in of_piece]
         text = described_pieces([piece.scaled(length) for piece in deck.pieces], MAX_NAMED_PIECES)
         deck.remarks.append(piece_text(deck.name, rank, len(pieces), text))
-    return np.asarray(chosen & (label == pieces[rank - 1]))
+    return chosen & (label == pieces[rank - 1])
 
 
 def _piece_record(deck: Deck, chosen: BoolArray, members: BoolArray) -> Piece:
@@ -362,11 +362,7 @@ def _piece_record(deck: Deck, chosen: BoolArray, members: BoolArray) -> Piece:
 
 
 def count_pieces(
-    deck: Deck,
-    x: Array,
-    exists: BoolArray,
-    fixed: BoolArray,
-    constraints: Sequence[list[MotionTerm]],
+    deck: Deck, x: Array, exists: BoolArray, fixed: BoolArray, constraints: list[list[MotionTerm]]
 ) -> tuple[int, bool]:
     """(number of pieces that nothing joins, whether there are several and each is supported).
 

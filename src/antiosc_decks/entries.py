@@ -74,7 +74,7 @@ class Numbering:
         """Rows of the existing numbers among first, first + step, … up to `last`."""
         low, high = np.searchsorted(self.labels, [first, last + 1])
         labels = self.labels[low:high]
-        return np.asarray(self.order[low:high][(labels - first) % step == 0])
+        return self.order[low:high][(labels - first) % step == 0]
 
 
 def whole_number(text: str, place: DeckPlace) -> int:

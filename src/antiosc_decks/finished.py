@@ -137,7 +137,7 @@ def complete_model(builder: ModelBuilder) -> Model:
     values = [units.force * units.length ** (1 if m > 2 else -1) for m in range(6)]
     alone = [] if is_assembly else grounded
     springs = [
-        (_coordinates_in_metres(builder, n), {MOTION_NAMES[m]: k * values[m]})
+        (_place_in_metres(builder, n), {MOTION_NAMES[m]: k * values[m]})
         for ((n, m, _),), k in alone
     ]
 
@@ -156,10 +156,7 @@ def complete_model(builder: ModelBuilder) -> Model:
     return {
         "families": groups,
         "supports": _support_groups(builder, count),
-        "masses": [
-            (_coordinates_in_metres(builder, n), mass, inertia)
-            for n, _, mass, inertia in builder.masses
-        ],
+        "masses": [(_place_in_metres(builder, n), mass, J) for n, _, mass, J in builder.masses],
         "springs": springs,
         "ignored": builder.ignored_texts(),
         "gdim": 2 if count == 2 else 3,
@@ -230,7 +227,7 @@ def _drop_unconnected(builder: ModelBuilder) -> None:
     is_connected = np.isin(label, label[: len(used)][used])
 
     def moves(node: int) -> bool:
-        return bool(is_connected[joints.motion_alias.get((node, 0), (node, 0))[0]])
+        return bool(is_connected[joints.actual(node, 0)[0]])
 
     held = [e for e in builder.masses if not used[e[0]] and builder.fixed[e[0], :3].all()]
     builder.ignored += [f"a mass on a held node of no element ({entry[1]})" for entry in held]
@@ -266,7 +263,7 @@ def _masses_as_matrices(builder: ModelBuilder) -> None:
         builder.add_mass_matrix(node, M, mass / units.mass, place)
 
 
-def _coordinates_in_metres(builder: ModelBuilder, node: int) -> list[float]:
+def _place_in_metres(builder: ModelBuilder, node: int) -> list[float]:
     """Coordinates of a node in m."""
     return [float(c) * builder.units.length for c in builder.deck.points[node]]
 
@@ -296,14 +293,15 @@ def _fixed_points(builder: ModelBuilder, plane: bool) -> FixedPoints:
     loaded = {(n, m) for terms in joints.all_terms() for n, m, _ in terms}
     held = {(n, m) for n in loose for m in range(6) if (n, m) not in loaded}
     fixed = zip(*(axis.tolist() for axis in np.nonzero(builder.fixed)), strict=True)
-    held |= {joints.motion_alias.get(motion, motion) for motion in fixed}
+    held |= {joints.actual(*motion) for motion in fixed}
 
-    names = {"x", "y", "rz"} if plane else set(MOTION_NAMES)
-    points = [
-        (k, sorted({MOTION_NAMES[m] for m in range(6) if (n, m) in held})) for n, k in loose.items()
-    ]
-    kept = [(k, [name for name in motions if name in names]) for k, motions in points]
-    return [(k, motions) for k, motions in kept if motions]
+    motions = (0, 1, 5) if plane else range(6)
+    points = []
+    for node, number in loose.items():
+        names = sorted(MOTION_NAMES[m] for m in motions if (node, m) in held)
+        if names:
+            points.append((number, names))
+    return points
 
 
 def _refuse_uncovered(builder: ModelBuilder) -> None:

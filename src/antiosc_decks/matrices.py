@@ -220,9 +220,8 @@ def _read_numbers(
         if len(fields) != count:  # no blank between some of them
             fields = [lines[k][i * width : (i + 1) * width] for i in range(count)]
         try:
-            values[count_read : count_read + count] = [
-                float(with_plain_exponents(field)) for field in fields
-            ]
+            numbers = [float(with_plain_exponents(field)) for field in fields]
+            values[count_read : count_read + count] = numbers
         except ValueError:
             line_text = lines[k].decode("ascii", "replace").strip()[:60]
             raise source.error(k + 1, f"{count} numbers are expected; got {line_text!r}.") from None
@@ -305,9 +304,8 @@ def _column_strings(
             reader.numbers(count if text else 0)
             return
         if column < 1 or count < 0 or (row > 0 and count % words):
-            raise reader.record_error(
-                f"column {column} of {header.columns} columns has {count} words"
-            )
+            told = f"column {column} of {header.columns} columns has {count} words"
+            raise reader.record_error(told)
         if row > 0:
             yield column - 1, row - 1, reader.numbers(count // words)
         while row <= 0 and count > 0:
@@ -340,9 +338,8 @@ class _TextReader:
         try:
             header, self._per_line, self._width = _text_header(self._line())
         except ValueError:
-            raise self.record_error(
-                "a header of columns, rows, form, type and name is expected"
-            ) from None
+            expected = "a header of columns, rows, form, type and name is expected"
+            raise self.record_error(expected) from None
         self.words = header.number_type  # of a number in a string
         return header
 
@@ -466,7 +463,7 @@ class _BinaryReader:
 
     def numbers(self, count: int) -> Array:
         """The next `count` real numbers of the record."""
-        return np.asarray(self._values(self._real, count))
+        return self._values(self._real, count)
 
     def record_error(self, text: str) -> InputError:
         """The error of the current record, with the sentence `text`."""

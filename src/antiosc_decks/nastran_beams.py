@@ -62,11 +62,8 @@ class BeamProfiles:
         #: profile whose numbers `stations` replace; whether the beams deform in shear
         self.form = profiles.rectangle(1.0, 1.0)
         self.sheared = True
-        read = (
-            self._stations_by_shapes
-            if entry.name in ("PBARL", "PBEAML")
-            else self._stations_by_constants
-        )
+        by_shapes = entry.name in ("PBARL", "PBEAML")
+        read = self._stations_by_shapes if by_shapes else self._stations_by_constants
         #: place along the beam from 0 to 1, ascending -> the cross-section there
         self.stations: dict[float, Station] = dict(sorted(read().items()))
         first, *stations = self.stations.values()
@@ -120,20 +117,16 @@ class BeamProfiles:
             start = self._add_stations(rows)
             # blank at the second end: as at the first
             ends = (start + 12, start + 13)
-            station_fields = [k + 2 if entry.text(k + 2) else k for k in ends]
-            self.neutral[:] = [
-                [entry.real(k) for k in end_fields] for end_fields in (ends, station_fields)
-            ]
-            if unread := [
-                name for name, k in IGNORED_PBEAM_FIELDS.items() if entry.real(start + k)
-            ]:
+            second = [k + 2 if entry.text(k + 2) else k for k in ends]
+            self.neutral[:] = [[entry.real(k) for k in fields] for fields in (ends, second)]
+            unread = [name for name, k in IGNORED_PBEAM_FIELDS.items() if entry.real(start + k)]
+            if unread:
                 self.remarks.append(f"{', '.join(unread)} of {label}")
         elif max(values[1:3]) > min(values[1:3]) == 0:
             told = f"the hinge that {label} is where its I1 or I2 is 0"
             self.remarks.append(f"{told}, {MIN_MOMENT_RATIO:g} of the other is taken")
-            values[1:3] = (
-                max(moment, MIN_MOMENT_RATIO * max(values[1:3])) for moment in values[1:3]
-            )
+            least = MIN_MOMENT_RATIO * max(values[1:3])
+            values[1:3] = (max(moment, least) for moment in values[1:3])
         k_if_blank = 1.0 if entry.name == "PBEAM" else 0.0
         k1 = entry.real(start, k_if_blank)
         k2 = entry.real(start + 1, k_if_blank)
@@ -187,18 +180,15 @@ class BeamProfiles:
         start = 9 + count
 
         while entry.name == "PBEAML" and entry.words(start, start + 2):
-            dimensions = self._dimensions(start + 2, first)
-            extra_there = entry.real(start + 2 + count, extra)
-            stations[entry.real(start + 1, 1.0)] = self._shape_station(
-                kind, dimensions, extra_there
-            )
+            d = self._dimensions(start + 2, first)
+            station = self._shape_station(kind, d, entry.real(start + 2 + count, extra))
+            stations[entry.real(start + 1, 1.0)] = station
             start += 3 + count
         if kind not in ("ROD", "TUBE", "TUBE2", "BAR", "BOX"):
             label = f"{entry.name} {entry.text(0)} ({kind})"
             told = f"the shear coefficients and the torsion constant that Nastran gives {label}"
-            self.remarks.append(
-                f"{told}, {profiles.THIN_WALL_SHEAR:g} and that of thin walls are taken"
-            )
+            instead = f"{profiles.THIN_WALL_SHEAR:g} and that of thin walls are taken"
+            self.remarks.append(f"{told}, {instead}")
 
         return stations
 
@@ -214,9 +204,8 @@ class BeamProfiles:
         try:
             profile = BEAM_SHAPES[shape](*d)
             if not isinstance(profile, profiles.Profile):
-                profile = profiles.profile_of_walls(
-                    profile, profiles.box_torsion(*d) if shape == "BOX1" else None
-                )
+                torsion = profiles.box_torsion(*d) if shape == "BOX1" else None
+                profile = profiles.profile_of_walls(profile, torsion)
             self.form = profile
             mixed = profile.product_moment if shape in ("L", "Z") else 0.0
             return [profile.A, profile.I, profile.I_side, mixed, profile.J, nonstructural_mass]
@@ -264,10 +253,8 @@ BEAM_SHAPES: dict[str, Callable[..., profiles.Profile | Walls]] = {
     "BOX": lambda width, h, flange, web: profiles.box(h, width, flange, web),
     "HEXA": lambda tip, width, h: profiles.hexagon(h, width, tip),
     "CROSS": lambda arms, t, h, bar: [
-        *(
-            (-h / 2, h / 2, -t / 2, t / 2),
-            *_mirrored_walls(-bar / 2, bar / 2, t / 2, (t + arms) / 2),
-        )
+        (-h / 2, h / 2, -t / 2, t / 2),
+        *_mirrored_walls(-bar / 2, bar / 2, t / 2, (t + arms) / 2),
     ],
     "H": lambda between, legs, h, bar: [
         *_mirrored_walls(-h / 2, h / 2, between / 2, (between + legs) / 2),
@@ -314,7 +301,7 @@ class BeamEnd(NamedTuple):
     #: row of the grid point
     node: int
     #: motions (0 to 5) along `axes` in which the end follows the grid point
-    followed_motions: tuple[int, ...]
+    motions: tuple[int, ...]
     #: tangent, height and width of the beam, as rows (3, 3)
     axes: Array
     #: vector from the shear centre, about which the beam twists, to the end
@@ -323,9 +310,8 @@ class BeamEnd(NamedTuple):
 
 def separate_ends(deck: NastranDeck) -> list[BeamEnd]:
     """Give offset and released beams end nodes of their own, which are to be joined."""
-    neutral_axes = {
-        e.integer(0): BeamProfiles(e).neutral for e in deck.entries_named(*BEAM_PROPERTIES)
-    }
+    beams = deck.entries_named(*BEAM_PROPERTIES)
+    neutral_axes = {beam.integer(0): BeamProfiles(beam).neutral for beam in beams}
     ends: list[BeamEnd] = []
     places: list[Array] = []
     count = len(deck.deck.points)
@@ -357,10 +343,9 @@ def join_ends(builder: ModelBuilder, ends: list[BeamEnd]) -> None:
         leader = builder.joints.leader_point(end.node)
         if end.eccentricity.any():
             builder.report_once("how mass off the shear centre (N1, N2) couples twist with sway")
-        axes_of = {end.row: end.axes}
-        builder.joints.add_rigid(
-            np.array([end.row]), leader, end.followed_motions, axes_of, end.eccentricity
-        )
+        row = np.array([end.row])
+        frames = {end.row: end.axes}
+        builder.joints.add_rigid(row, leader, end.motions, frames, end.eccentricity)
 
 
 def _ends_of(
@@ -411,15 +396,15 @@ def plane_1_vector(deck: NastranDeck, entry: Entry, tangent: Array) -> Array:
     size = float(np.linalg.norm(height))
     message = f"the orientation of {entry.name} {entry.text(0)} is missing, or along its axis."
     entry.needs(size > 1e-9 * float(np.linalg.norm(v)), message)
-    return np.asarray(height / size)
+    return height / size
 
 
 def _orientation_vector(deck: NastranDeck, entry: Entry) -> Array:
     """Orientation vector of an element: fields 5 to 7, or to the node in field 5."""
     a = deck.node_in(entry, 2)
     if entry.text(4) and not entry.text(5) and not entry.text(6) and "." not in entry.text(4):
-        return np.asarray(deck.deck.points[deck.node_in(entry, 4)] - deck.deck.points[a])
+        return deck.deck.points[deck.node_in(entry, 4)] - deck.deck.points[a]
     v = np.array(entry.reals(4, 7))
     if entry.text(7).upper()[:1] == "B":
         return v
-    return np.asarray(v @ deck.frame(a, entry.place))
+    return v @ deck.frame(a, entry.place)

@@ -238,9 +238,8 @@ class BulkData:
         if self.entries and self.entries[-1].name in FREE_TEXT_ENTRIES and line[0] in " +*,":
             return
         name, fields, large, mark = fields_of(line)
-        is_long = (name == "GRID" and any(fields[8:])) or any(
-            map(_CONTINUATION_MARK.match, fields[4:])
-        )
+        is_long = name == "GRID" and any(fields[8:])
+        is_long |= any(map(_CONTINUATION_MARK.match, fields[4:]))
         fault = place.error(LONG_LINE_REMEDY) if is_long else None
 
         if name[:1] == "=":
@@ -280,9 +279,8 @@ class BulkData:
         for _ in range(times):
             last = self.entries[-1]
             pairs = zip_longest(last.fields, changes[: len(last.fields)], fillvalue="=")
-            self._begin_entry(
-                Entry(last.name, place, [_changed_field(*pair, place) for pair in pairs])
-            )
+            fields = [_changed_field(*pair, place) for pair in pairs]
+            self._begin_entry(Entry(last.name, place, fields))
 
 
 def _is_begin_bulk(line: str) -> bool:
@@ -309,9 +307,7 @@ def fields_of(line: str) -> tuple[str, list[str], bool, str]:
         large = first.endswith("*") or first.startswith("*")
         count = 4 if large else 8
         mark = "".join(other_parts[count : count + 1])
-        if any(other_parts[count + 1 :]) or _NUMBER_START.match(
-            mark
-        ):  # a line as long as the entry
+        if any(other_parts[count + 1 :]) or _NUMBER_START.match(mark):  # as long as the entry
             return first, other_parts + [""] * (-len(other_parts) % count), large, ""
         return first, (other_parts + [""] * count)[:count], large, mark
     name = line[:8].strip()
@@ -382,10 +378,8 @@ CELL_FORMATS = {
     "CONROD": _ROD_CELL._replace(properties=("PROD",), first=1),
 }
 #: Entries that define several items in one line -> number of fields of each item.
-FIELDS_PER_ITEM = {
-    **dict.fromkeys(("CORD1R", "CORD1C", "CORD1S", "PELAS"), 4),
-    **dict.fromkeys(("PDAMP", "PMASS"), 2),
-}
+FIELDS_PER_ITEM = dict.fromkeys(("CORD1R", "CORD1C", "CORD1S", "PELAS"), 4)
+FIELDS_PER_ITEM |= dict.fromkeys(("PDAMP", "PMASS"), 2)
 #: Fields of CBAR and CBEAM that are blank together: property, orientation, offsets' axes.
 _BAR_DEFAULT_FIELDS = ((1,), (4, 5, 6), (7,))
 #: Entry -> (entry with its defaults, groups of fields that take them if all of a group are blank).
@@ -404,15 +398,8 @@ NON_CELL_ELEMENTS = (
     *("CONM2", "CBUSH", "CBUSH1D", "RBE2", "RBE3", "RBAR"),
 )
 #: Material, element or property -> the field (from 0) of its damping GE.
-DAMPING_FIELDS = {
-    "MAT1": 7,
-    "MAT2": 12,
-    "MAT8": 16,
-    "MAT9": 30,
-    "PCOMP": 6,
-    "PCOMPG": 6,
-    "CELAS2": 6,
-}
+DAMPING_FIELDS = {"MAT1": 7, "MAT2": 12, "MAT8": 16, "MAT9": 30}
+DAMPING_FIELDS |= dict.fromkeys(("PCOMP", "PCOMPG", "CELAS2"), 6)
 #: Elements without a counterpart here, as are those that begin with C and are in no list.
 UNSUPPORTED_ELEMENTS = """
 RBE1 RBAR1 RROD RTRPLT RTRPLT1 RSPLINE RJOINT RSSCON CFAST CWELD CSEAM CBEAM3 CBUSH2D CDAMP5 CTRIAX
@@ -472,14 +459,8 @@ _REFUSED_ENTRIES = {
 #: Free in normal modes (SOL 103), fixed in those of a Craig–Bampton reduction.
 _SUPORT_FATE = Fate("ignored", "(what it supports stays free)")
 
-_READ_ENTRIES = (
-    *_OTHER_READ_ENTRIES.split(),
-    *CELL_FORMATS,
-    *SECTION_PROPERTIES,
-    *NON_CELL_ELEMENTS,
-)
 ENTRY_FATES = fate_table(
-    read=_READ_ENTRIES,
+    read=(*_OTHER_READ_ENTRIES.split(), *CELL_FORMATS, *SECTION_PROPERTIES, *NON_CELL_ELEMENTS),
     harmless=_HARMLESS_ENTRIES.split(),
     refused=_REFUSED_ENTRIES | {"": UNSUPPORTED_ELEMENTS},
 )

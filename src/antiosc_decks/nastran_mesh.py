@@ -38,7 +38,7 @@ class CoordinateSystem:
                 radius, height = c[0] * math.sin(theta), c[0] * math.cos(theta)
             phi = math.radians(c[2 if self.kind == "S" else 1])
             c = np.array([radius * math.cos(phi), radius * math.sin(phi), height])
-        return np.asarray(self.origin + c @ self.axes)
+        return self.origin + c @ self.axes
 
     def frame(self, x: Array) -> Array:
         """Unit vectors of the system's directions at the point `x`, as rows (3, 3)."""
@@ -54,7 +54,7 @@ class CoordinateSystem:
             theta = math.atan2(math.hypot(a, b), c)
             sine, cosine = math.sin(theta), math.cos(theta)
             rows = [sine * outward + cosine * z, cosine * outward - sine * z, tangential]
-        return np.asarray(np.stack(rows) @ self.axes)
+        return np.stack(rows) @ self.axes
 
 
 BASIC_SYSTEM = CoordinateSystem(np.zeros(3), np.eye(3))

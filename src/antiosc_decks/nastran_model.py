@@ -10,7 +10,7 @@ from antiosc.io.conversion import Array
 from antiosc.io.neutral import Model, MotionTerm, UnitSystem
 from antiosc_decks import nastran_beams as beams
 from antiosc_decks.builder import MaterialDefaults, ModelBuilder
-from antiosc_decks.constraints import axis_terms, lever_matrix
+from antiosc_decks.constraints import Motions, axis_terms, lever_matrix
 from antiosc_decks.entries import DeckPlace, real_number
 from antiosc_decks.finished import complete_model, fix_unresisted
 from antiosc_decks.nastran_beams import plane_1_vector
@@ -33,11 +33,8 @@ ROUNDING_ARM = 1e-9
 #: A negative moment of inertia down to this share of the largest is rounding.
 INERTIA_ROUNDING = 1e-6
 #: Scalar element -> (its property, the quantity that it gives).
-SCALAR_PROPERTIES = {
-    "CELAS": ("PELAS", "stiffness"),
-    "CDAMP": ("PDAMP", "damping"),
-    "CMASS": ("PMASS", "mass"),
-}
+SCALAR_PROPERTIES = {"CELAS": ("PELAS", "stiffness"), "CDAMP": ("PDAMP", "damping")}
+SCALAR_PROPERTIES |= {"CMASS": ("PMASS", "mass")}
 #: Elements with springs along axes -> their property.
 BUSH_PROPERTIES = {"CBUSH1D": "PBUSH1D", "CBUSH": "PBUSH"}
 #: Entries that give masses.
@@ -77,9 +74,7 @@ class NastranJoints:
             self._conm2(entry)
         self._add_scalars("CMASS")
 
-    def _add_rigid(
-        self, rows: list[int], node: int, motions: tuple[int, ...], entry: Entry
-    ) -> None:
+    def _add_rigid(self, rows: list[int], node: int, motions: Motions, entry: Entry) -> None:
         """Let motions of some nodes follow another node as a rigid body."""
         entry.needs(node not in rows, f"a GRID of {entry.name} cannot follow itself.")
         leader = self.builder.joints.leader_point(node)
@@ -91,9 +86,7 @@ class NastranJoints:
         rows: list[int] = []
         for first, last in thru_ranges(grid_words, entry.place):
             rows.append(self.nastran.row(first, entry.place))
-            rows += map(
-                int, self.nastran.nodes.rows_between(first + 1, last) if last > first else ()
-            )
+            rows += self.nastran.nodes.rows_between(first + 1, last).tolist()
         return rows
 
     def _rbe2(self, entry: Entry) -> None:
@@ -102,9 +95,8 @@ class NastranJoints:
         words = entry.words(3)
         if words and "." in words[-1]:
             words.pop()  # the coefficient of thermal expansion
-        self._add_rigid(
-            self._listed_rows(entry, words), self.nastran.node_in(entry, 1), motions, entry
-        )
+        rows = self._listed_rows(entry, words)
+        self._add_rigid(rows, self.nastran.node_in(entry, 1), motions, entry)
 
     def _rbar(self, entry: Entry) -> None:
         """RBAR: one node follows another."""
@@ -330,9 +322,8 @@ def model_of(deck: NastranDeck, units: UnitSystem, defaults: MaterialDefaults) -
     factor = weight_to_mass.real(1, None) if weight_to_mass else 1.0
 
     ends = beams.separate_ends(deck)
-    builder = ModelBuilder(
-        deck.deck, units, defaults, lumped=bool(deck.entries_named(*MASS_ENTRIES))
-    )
+    lumped = bool(deck.entries_named(*MASS_ENTRIES))
+    builder = ModelBuilder(deck.deck, units, defaults, lumped)
     deck.set_groups()
     Properties(deck, builder, factor).read()
     builder.mark_nodes()

@@ -41,9 +41,7 @@ class Properties:
     def read(self) -> None:
         """Set the section of every element."""
         entries = defined_once(self.nastran.entries_named(*DENSITY_FIELDS), "material")
-        self._materials = {
-            material_number: self._material_of(entry) for material_number, entry in entries.items()
-        }
+        self._materials = {number: self._material_of(entry) for number, entry in entries.items()}
         properties = defined_once(self.nastran.entries_named(*SECTION_PROPERTIES), "property")
         every = self.nastran.elements
         numbers = self.nastran.property_numbers()
@@ -57,10 +55,9 @@ class Properties:
             entry = properties.get(int(number))
             if entry is None:
                 raise self._unknown_property(every[elements[0]], int(number))
-            for element_name in sorted(
-                n for n in names if entry.name not in CELL_FORMATS[n].properties
-            ):
-                raise entry.place.error(f"{entry.name} is not a property of {element_name}.")
+            for name in sorted(names):
+                fits = entry.name in CELL_FORMATS[name].properties
+                entry.needs(fits, f"{entry.name} is not a property of {name}.")
             add = PROPERTY_READERS.get(entry.name, Properties._add_beams)
             add(self, entry, str(number), elements)
 
@@ -129,10 +126,8 @@ class Properties:
     def _report_nonstructural(self, entry: Entry, nonstructural_mass: float) -> None:
         """Report that nonstructural mass is spread over the section."""
         if nonstructural_mass:
-            label = f"{entry.name} {entry.text(0)}"
-            self.builder.report_once(
-                "the place of the nonstructural mass of {}, spread evenly", label
-            )
+            told = "the place of the nonstructural mass of {}, spread evenly"
+            self.builder.report_once(told, f"{entry.name} {entry.text(0)}")
 
     def _add_solids(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the solids of a PSOLID entry."""
@@ -142,9 +137,8 @@ class Properties:
         if stiffness is None:
             family = GroupSection("Solid", self.builder.isotropic(material, "solids"), entry.place)
         else:
-            entry.needs(
-                number not in ("", "-1"), f"PSOLID with {material.name} needs a rectangular CORDM."
-            )
+            has_axes = number not in ("", "-1")
+            entry.needs(has_axes, f"PSOLID with {material.name} needs a rectangular CORDM.")
             axes = self.nastran.axes(entry, entry.integer(2))[:2].tolist()
             arguments = {"stiffness": stiffness, "rho": self.builder.rho(material), "axes": axes}
             family = GroupSection("AnisotropicSolid", arguments, entry.place)
@@ -154,10 +148,8 @@ class Properties:
         """Add the solid of a PCOMPS entry, whose layers must be of one isotropic material."""
         numbers = {entry.text(k) for k in range(9, len(entry.fields), 8)} - {""}
         pcomps = Entry("PCOMPS", entry.place, [name, *numbers])
-        one_isotropic = (
-            len(numbers) == 1 and self._material_in_field(pcomps, 1).isotropic is not None
-        )
-        entry.needs(one_isotropic, "PCOMPS is read with layers of one isotropic material alone.")
+        isotropic = len(numbers) == 1 and self._material_in_field(pcomps, 1).isotropic
+        entry.needs(isotropic, "PCOMPS is read with layers of one isotropic material alone.")
         self._add_solids(pcomps, name, elements)
 
     def _add_rods(self, entry: Entry, name: str, elements: IntArray) -> None:
@@ -222,9 +214,8 @@ class Properties:
                 "shear": section.sheared,
             }
             group = name if len(groups) == 1 else f"{name} along {key[:3]}"
-            self.builder.add_section(
-                group, elements[members], GroupSection("Beam", arguments, entry.place)
-            )
+            family = GroupSection("Beam", arguments, entry.place)
+            self.builder.add_section(group, elements[members], family)
 
     def _add_shells(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the shells of a PSHELL entry."""
@@ -263,9 +254,8 @@ class Properties:
             elif material.isotropic is None:
                 layer = self.builder.layer_arguments(material, thickness, 0.0)
                 layer["rho"] += extra
-                self._add_directed_shells(
-                    entry, name, members, "Laminate", {"layers": [layer]}, offset
-                )
+                layers = {"layers": [layer]}
+                self._add_directed_shells(entry, name, members, "Laminate", layers, offset)
             else:
                 arguments = self.builder.isotropic(material, "shells")
                 arguments |= {"thickness": thickness * length, "rho": arguments["rho"] + extra}
@@ -353,9 +343,7 @@ class Properties:
             offset += own_offset if abs(own_offset) > 1e-9 * total else 0.0
             self._add_directed_shells(entry, name, members, "Laminate", {"layers": layers}, offset)
 
-    def _ply_arguments(
-        self, material: Material, thickness: float, angle: float
-    ) -> dict[str, float]:
+    def _ply_arguments(self, material: Material, thickness: float, angle: float) -> Json:
         """Arguments of a layer."""
         if material.plane_stiffness is not None:
             Q = _plane_stress_stiffness(material)
@@ -370,20 +358,13 @@ class Properties:
         return self.builder.layer_arguments(material, thickness, angle)
 
     def _add_directed_shells(
-        self,
-        entry: Entry,
-        name: str,
-        elements: IntArray,
-        family_name: str,
-        arguments: Json,
-        offset: float,
+        self, entry: Entry, name: str, elements: IntArray, kind: str, arguments: Json, offset: float
     ) -> None:
         """Add shells with a direction of 0°: one for all, or one for each element."""
         normals = geometry.normals_of(self.nastran.deck, elements)
-        axes = np.array(
-            [self._zero_direction(k, n) for k, n in zip(elements, normals, strict=True)]
-        )
-        family = GroupSection(family_name, arguments, entry.place)
+        pairs = zip(elements, normals, strict=True)
+        axes = np.array([self._zero_direction(*pair) for pair in pairs])
+        family = GroupSection(kind, arguments, entry.place)
         self.builder.add_shells(name, elements, family, offset, axes)
 
     def _zero_direction(self, element: int, normal: Array) -> Array:
@@ -394,24 +375,22 @@ class Properties:
         if word.lstrip("+-").isdigit():
             x, y, _ = self.nastran.systems(int(word), entry.place).axes
             if np.linalg.norm(np.cross(x, normal)) > NORMAL_SINE:
-                return np.asarray(x)
+                return x
             told = f"x of the system {word} (MCID) where it is normal to elements"
             self.builder.report_once(f"{told}, its y is taken")
-            return np.asarray(y)
+            return y
         nodes = [self.nastran.node_in(entry, k) for k in (2, 3)]
         side = np.diff(self.nastran.deck.points[nodes], axis=0)[0]
         side -= (side @ normal) * normal
         rotated = geometry.rotated_about(side, normal, entry.real(theta_field))
-        return np.asarray(rotated / max(float(np.linalg.norm(rotated)), 1e-300))
+        return rotated / max(float(np.linalg.norm(rotated)), 1e-300)
 
 
 #: Property -> the method that reads it; all others are of beams.
 PROPERTY_READERS = {
-    **{
-        "PSOLID": Properties._add_solids,
-        "PCOMPS": Properties._add_layered_solid,
-        "PSHELL": Properties._add_shells,
-    },
+    "PSOLID": Properties._add_solids,
+    "PCOMPS": Properties._add_layered_solid,
+    "PSHELL": Properties._add_shells,
     **dict.fromkeys(("PCOMP", "PCOMPG"), Properties._add_laminates),
     **dict.fromkeys(("PROD", "PTUBE"), Properties._add_rods),
 }
@@ -436,11 +415,11 @@ def _plane_stress_stiffness(material: Material) -> Array:
     E1, E2, _, n12, _, _, G12, *_ = material.elasticity()
     n21 = n12 * E2 / E1
     Q = np.array([[E1, n21 * E1, 0], [n21 * E1, E2, 0], [0, 0, (1 - n12 * n21) * G12]])
-    return np.asarray(Q / (1 - n12 * n21))
+    return Q / (1 - n12 * n21)
 
 
 def _transverse_shear_stiffness(material: Material) -> Array:
     """Transverse shear stiffness (2, 2): stresses (τ13, τ23) from strains."""
     if material.plane_stiffness is not None:  # G11, G12, G22 of a MAT2
-        return np.asarray(material.plane_stiffness[:2, :2])
+        return material.plane_stiffness[:2, :2]
     return np.diag(material.elasticity()[7:9])

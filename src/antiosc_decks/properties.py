@@ -80,7 +80,7 @@ def symmetric(values: Sequence[float] | Array, triangle: Triangle = np.tril_indi
     size = int(math.sqrt(2 * len(values)))
     C = np.zeros((size, size))
     C[triangle(size)] = values
-    return np.asarray(C + C.T - np.diag(np.diag(C)))
+    return C + C.T - np.diag(np.diag(C))
 
 
 #: Timoshenko's shear coefficients, as in `antiosc.Section`.
@@ -122,26 +122,16 @@ class Profile:
 
     def section(self, length: float) -> dict[str, float]:
         """Arguments of an `antiosc.Section`; `length` is the deck's unit in m."""
-        second = {name: getattr(self, name) * length**4 for name in ("I", "I_side", "J")}
-        side = (
-            {}
-            if self.side_shear_coefficient is None
-            else {"shear_side": self.side_shear_coefficient}
-        )
-        return {"A": self.A * length**2, **second, "shear": self.shear_coefficient, **side}
+        arguments = {"A": self.A * length**2, "shear": self.shear_coefficient}
+        arguments |= {name: getattr(self, name) * length**4 for name in ("I", "I_side", "J")}
+        if self.side_shear_coefficient is not None:
+            arguments["shear_side"] = self.side_shear_coefficient
+        return arguments
 
     def rotated(self) -> Profile:
         """This cross-section rotated by 90°."""
-        sides = self.width, self.height
-        turned = Profile(
-            self.A,
-            self.I_side,
-            self.I,
-            self.J,
-            self.shear_coefficient,
-            *sides,
-            -self.product_moment,
-        )
+        moments = {"I": self.I_side, "I_side": self.I, "product_moment": -self.product_moment}
+        turned = replace(self, height=self.width, width=self.height, **moments)
         return turned.sheared(*reversed(self.shear_coefficients))
 
 
@@ -172,14 +162,12 @@ def tube(radius: float, wall: float) -> Profile:
     return Profile(area, second, second, 2 * second, TUBE_SHEAR, 2 * radius, 2 * radius)
 
 
-def box(height: float, width: float, side_thickness: float, top_thickness: float) -> Profile:
+def box(height: float, width: float, side: float, top: float) -> Profile:
     """A rectangular tube by its outer sides and the thicknesses of its walls; torsion by Bredt."""
-    h = height - 2 * side_thickness
-    w = width - 2 * top_thickness
+    h = height - 2 * side
+    w = width - 2 * top
     second = (width * height**3 - w * h**3) / 12, (height * width**3 - h * w**3) / 12
-    torsion = box_torsion(
-        height, width, top_thickness, top_thickness, side_thickness, side_thickness
-    )
+    torsion = box_torsion(height, width, top, top, side, side)
     return Profile(height * width - h * w, *second, torsion, THIN_WALL_SHEAR, height, width)
 
 
@@ -251,7 +239,7 @@ def corners_of(deck: Deck, elements: IntArray) -> list[Array]:
 def unit_rows(v: Array) -> Array:
     """Rows scaled to length 1; zero rows stay zero."""
     length = np.linalg.norm(v, axis=1, keepdims=True)
-    return np.asarray(v / np.where(length > 0, length, 1.0))
+    return v / np.where(length > 0, length, 1.0)
 
 
 def axes_of(first: Array, second: Array) -> Array:
@@ -263,7 +251,7 @@ def axes_of(first: Array, second: Array) -> Array:
 def rotated_about(v: Array, axis: Array, degrees: float) -> Array:
     """Vectors perpendicular to the unit vectors `axis`, rotated about these."""
     angle = math.radians(degrees)
-    return np.asarray(math.cos(angle) * v + math.sin(angle) * np.cross(axis, v))
+    return math.cos(angle) * v + math.sin(angle) * np.cross(axis, v)
 
 
 def tangents_of(deck: Deck, elements: IntArray) -> Array:

@@ -51,6 +51,4 @@ def _reader(
 ABAQUS = FileReader(_reader(abaqus_assembly.read_deck, abaqus_model.model_of), model=True)
 NASTRAN = FileReader(_reader(nastran_mesh.read_deck, nastran_model.model_of), model=True)
 #: Files of Nastran with endings that other programs use too.
-BULK = NASTRAN._replace(
-    matches=lambda start: _BULK.search(start.decode("latin-1")) is not None,
-)
+BULK = NASTRAN._replace(matches=lambda start: _BULK.search(start.decode("latin-1")) is not None)

@@ -30,10 +30,6 @@ MIN_ROOT_DEPTH = 4
 MAX_DECK_BYTES = 4 * 2**30
 
 
-#: What is called with the size of all files read so far, in bytes.
-SizeCallback = Callable[[int], None]
-
-
 class Sources:
     """The files of a deck: those that it includes must lie below the folder `root`.
 
@@ -44,7 +40,7 @@ class Sources:
         self,
         path: Path,
         name: str,
-        on_size: SizeCallback = lambda size: None,
+        on_size: Callable[[int], None] = lambda size: None,
         root: str | None = None,
     ) -> None:
         self.path = path
@@ -89,12 +85,8 @@ class Sources:
         except (OSError, ValueError):
             below_root, exists = True, False
         folder = "/".join(self.root.parts[-2:])
-        outside = (
-            f"{file_name[:80]!r} lies outside the folder {folder!r}, from which {self.name} may "
-        )
-        at.require(
-            below_root, f"{outside}include files; name the folder that holds them all (root)."
-        )
+        told = f"{file_name[:80]!r} lies outside the folder {folder!r}, from which {self.name} may"
+        at.require(below_root, f"{told} include files; name the folder that holds them all (root).")
         at.require(exists, f"there is no file {file_name[:80]!r}: put it beside {self.name}.")
         at.require(path not in self._open, f"{file_name[:80]!r} includes itself.")
         shallow = len(self._open) < MAX_INCLUDE_DEPTH
@@ -106,11 +98,9 @@ class Sources:
         """Path of a file beside the deck, else beside the file that includes it."""
         name = file_name.replace("\\", "/")
         folders = [self.folder, *(opened.parent for opened in self._open[-1:])]
-        path, *alternatives = ((folder / name).resolve() for folder in folders)
+        paths = [(folder / name).resolve() for folder in folders]
         # unlike Path.is_file, no error for names that are too long
-        return next(
-            (p for p in alternatives if not os.path.isfile(path) and os.path.isfile(p)), path
-        )
+        return next(filter(os.path.isfile, paths), paths[0])
 
     def exists(self, file_name: str) -> bool:
         """Whether an included file exists; True for an empty name."""
@@ -129,9 +119,8 @@ FOLDER_VARIABLE = "ANTIOSC_FOLDER"
 def _include_root(path: Path) -> Path:
     """Folder of all files that a deck may include: its own, or its parent if the user owns both."""
     folder = path.resolve().parent
-    if FOLDER_VARIABLE in os.environ and not folder.parent.is_relative_to(
-        os.environ[FOLDER_VARIABLE]
-    ):
+    top = os.environ.get(FOLDER_VARIABLE)
+    if top is not None and not folder.parent.is_relative_to(top):
         return folder
     try:
         own = all(item.stat().st_uid == os.getuid() for item in (path, folder, folder.parent))
@@ -183,9 +172,8 @@ class Account:
         left: list[tuple[str, DeckPlace, Fate]] = []
         for name, place, fate in [*self.cards, *self.options]:
             between = name.replace(" ", "") in contact
-            if deck.without_contact and (
-                name == "*CONTACT PAIR" or (between and fate.kind == "refused")
-            ):
+            refused = between and fate.kind == "refused"
+            if deck.without_contact and (name == "*CONTACT PAIR" or refused):
                 left.append((name, place, Fate("refused")))
                 continue
             if fate.kind != "refused":
