@@ -200,8 +200,7 @@ def surface_at(body: FreeBody, index: int) -> Surface:
 
 def law_at(body: FreeBody, floor: Floor, index: int) -> ContactLaw:
     """The contact law of a floor with the point `index` of a body."""
-    surface = surface_at(body, index)
-    return contact_law(floor, surface)
+    return contact_law(floor, surface_at(body, index))
 
 
 def touch_law(body: FreeBody, start: State, floor: Floor, index: int, r: Array) -> ContactLaw:

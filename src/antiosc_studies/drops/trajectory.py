@@ -35,7 +35,7 @@ def trajectory(
     body: FreeBody,
     start: State,
     setting: Setting,
-    report: Callable[[int, int, float], None] = lambda *_: None,
+    report: Callable[[int, int, float], None],
 ) -> tuple[State, list[Episode], list[Flight], list[list[int]], str]:
     """Follow a fall to its end.
 

@@ -43,7 +43,6 @@ class PointContact(NamedTuple):
     place: Array  # (3,) in the axes of the mesh [m]
     law: ContactLaw
     force: float  # [N]
-    time: float  # of the largest force [s]
     depth: float  # largest indentation [m]
     contact_time: float  # [s]
     dent: Dent | None  # if it yielded
@@ -63,11 +62,6 @@ class PointContact(NamedTuple):
             return law_choice(of_faces, surface_at(self.body, self.point))
         except InputError:
             return None
-
-    @property
-    def yields(self) -> bool:
-        """Whether the contact yields, by its law or by that of its surfaces."""
-        return self.dent is not None or self._overload > 1
 
     @property
     def _overload(self) -> float:
@@ -179,9 +173,8 @@ def point_contacts(floor: Floor, episodes: Sequence[Episode]) -> Iterator[PointC
     """Yield the contacts of episodes with a law of Hertz, Gonthier or `ElasticPlastic`."""
     for episode in episodes:
         body = episode.body
-        time, forces = episode.forces()
+        forces = episode.forces()[1]
         peaks = forces.max(axis=0).tolist()
-        times = (episode.start.time + time[forces.argmax(axis=0)]).tolist()
         depths = episode.depths().tolist()
 
         arms = episode.start.positions(body, episode.indices)
@@ -199,7 +192,7 @@ def point_contacts(floor: Floor, episodes: Sequence[Episode]) -> Iterator[PointC
             lines = np.delete(body.vertices, i, axis=0) - body.vertices[i]
             apart = np.linalg.norm(lines, axis=1) > body.corner_radius
             yield PointContact(
-                *(body, floor, i, place, law, peaks[k], times[k], depths[k], end - start, dent),
+                *(body, floor, i, place, law, peaks[k], depths[k], end - start, dent),
                 clearance=float((lines @ episode.start.R[2]).min(initial=inf, where=apart)),
                 crushed=crushed,
             )
