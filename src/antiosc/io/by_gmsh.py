@@ -26,7 +26,7 @@ from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableErr
 from antiosc.base.texts import percent, piece_text
 from antiosc.io import facets
 from antiosc.io.conversion import known_kind, with_supported_kinds
-from antiosc.io.isolation import ELEMENTS_PER_TURN, Refinement, Request, checked_script
+from antiosc.io.isolation import ELEMENTS_PER_TURN, Refinement, Request, checked_script, with_growth
 from antiosc.io.neutral import (
     CELL_TYPES,
     CORNERS,
@@ -324,11 +324,10 @@ def _measure(gmsh: ModuleType, dim: int, tag: int) -> float:
 
 def _graded_size_field(gmsh: ModuleType, place: Refinement, request: Request, scale: float) -> int:
     """Tag of a size field: small sizes at a place, growing to `request.size` around."""
-    point, local, *own_growth = place
+    usual_growth, reach = request.grading
+    point, local, growth = with_growth(place, usual_growth)
     x, y, z = (float(c) / scale for c in (*point, 0.0)[:3])
     outer_size = 1e22 if request.size is None else request.size / scale
-    usual_growth, reach = request.grading
-    growth = own_growth[0] if own_growth else usual_growth
     local = local / scale
 
     tag = gmsh.model.mesh.field.add("MathEval")

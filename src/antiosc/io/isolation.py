@@ -176,6 +176,14 @@ Refinement = tuple[Sequence[float], float] | tuple[Sequence[float], float, float
 #: Growth of the sizes per unit of distance from a refined point, and how many of the smallest size
 #: are between the point and where it begins.
 SIZE_GRADING = (0.35, 2.0)
+
+
+def with_growth(place: Refinement, usual: float) -> tuple[Sequence[float], float, float]:
+    """(point, size [m], growth) of a refined place; `usual`: the growth where it names none."""
+    point, size, *growth = place
+    return point, size, growth[0] if growth else usual
+
+
 #: Elements around a full turn of a curved surface: of the first attempt to mesh a geometry, and of
 #: the second. Second-order ones that are fewer fold over at fillets, and cut off their volume.
 ELEMENTS_PER_TURN, RETRY_ELEMENTS_PER_TURN = 6.0, 12.0

@@ -254,10 +254,6 @@ class AssembledMatrices(PartsMatrices):
     assembled: ClassVar[bool] = True
 
     @property
-    def comm(self) -> MPI.Comm:
-        return MPI.COMM_SELF  # an assembly works on one rank
-
-    @property
     def T(self) -> Sparse:
         """(n, n), u = T q; the columns of dependent dofs are empty."""
         return self.eliminated.T

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import weakref
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -32,26 +32,37 @@ class Cells(Protocol):
 
     def product(self, x: Array, k: float, m: float) -> Array: ...
     def blocks(self, k: float, m: float) -> Array: ...
+    def entries(self, k: float, m: float) -> PETSc.Mat: ...
 
 
-@dataclass(frozen=True)
+@dataclass
 class CellProduct:
     """A matrix kK + mM without stored entries, multiplied cell by cell."""
 
     cells: Cells
     k: float
     m: float
+    _diagonal: Array | None = None
 
     def __call__(self, x: Array) -> Array:
         """The product with a vector or a block of vectors (rows of this rank, k)."""
         return self.cells.product(x, self.k, self.m)
 
-    @cached_property
+    def with_entries(self) -> PETSc.Mat:
+        """The matrix with stored entries, whose diagonal is kept."""
+        result = self.cells.entries(self.k, self.m)
+        if self._diagonal is None:
+            self._diagonal = np.array(result.getDiagonal().array_r)
+        return result
+
+    @property
     def diagonal(self) -> Array:
         """The diagonal on the rows of this rank; once there are entries, theirs."""
-        blocks = self.cells.blocks(self.k, self.m)
-        rows = np.arange(len(blocks))
-        return np.asarray(blocks[rows, rows % blocks.shape[1]])
+        if self._diagonal is None:
+            blocks = self.cells.blocks(self.k, self.m)
+            rows = np.arange(len(blocks))
+            self._diagonal = np.asarray(blocks[rows, rows % blocks.shape[1]])
+        return self._diagonal
 
     def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the product with x (PETSc's interface of python matrices)."""
@@ -85,11 +96,27 @@ def with_entries(matrix: PETSc.Mat) -> PETSc.Mat:
     """The matrix with stored entries: itself, or assembled if it is multiplied cell by cell."""
     if not uses_cells(matrix):
         return matrix
-    product = matrix.getAttr(CELLS_KEY)
-    result = product.cells.entries(product.k, product.m)
-    vars(product).setdefault("diagonal", np.array(result.getDiagonal().array_r))
+    result = matrix.getAttr(CELLS_KEY).with_entries()
     register_for_release(result)
     return result
+
+
+class _InverseContext:
+    """PETSc's Python preconditioner by a function r -> A⁻¹r of arrays (rows,)."""
+
+    def __init__(self, inverse: Callable[[Array], Array]) -> None:
+        self._inverse = inverse
+
+    def apply(self, pc: PETSc.PC, r: PETSc.Vec, x: PETSc.Vec) -> None:
+        x.setArray(self._inverse(np.array(r.array_r)))
+
+
+def use_inverse(ksp: PETSc.KSP, inverse: Callable[[Array], Array]) -> None:
+    """Make `ksp` apply the function `inverse`, r -> A⁻¹r of arrays (rows,)."""
+    ksp.setType(PETSc.KSP.Type.PREONLY)
+    pc = ksp.getPC()
+    pc.setType(PETSc.PC.Type.PYTHON)
+    pc.setPythonContext(_InverseContext(inverse))
 
 
 def empty_matrix(rows: int, comm: MPI.Comm) -> PETSc.Mat:

@@ -25,7 +25,7 @@ from antiosc.base.errors import MeshError
 from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.platform import compat
 from antiosc.io.by_gmsh import MOST_CELLS
-from antiosc.io.isolation import SIZE_GRADING, Refinement
+from antiosc.io.isolation import SIZE_GRADING, Refinement, with_growth
 from antiosc.io.neutral import CELL_KINDS, RawMesh
 from antiosc.io.reading import row_hashes, row_positions
 
@@ -229,10 +229,10 @@ def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
     centres = mesh.dolfinx.geometry.x[nodes].mean(axis=1)
 
     sizes = np.full(len(centres), np.inf)
-    for point, local, *growth in refine:
+    for place in refine:
+        point, local, growth = with_growth(place, SIZE_GRADING[0])
         distance = np.linalg.norm(centres - np.pad(point, (0, 3 - len(point))), axis=1)
-        own_growth = growth[0] if growth else SIZE_GRADING[0]
-        size_there = local + own_growth * np.maximum(distance - SIZE_GRADING[1] * local, 0.0)
+        size_there = local + growth * np.maximum(distance - SIZE_GRADING[1] * local, 0.0)
         sizes = np.minimum(sizes, size_there)
 
     return sizes

@@ -39,6 +39,7 @@ from antiosc.fem.elements.solid import depth_of
 from antiosc.fem.elements.weak_form import Parts, axes_and_sides, coefficient, measure
 from antiosc.fem.linalg import solver_for
 from antiosc.fem.linalg.algebra import diagonal, dot, free_when_dropped, multiply, sum_of
+from antiosc.fem.linalg.petsc_algebra import use_inverse
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import largest_entities, owned_entities, quadrature
@@ -421,12 +422,7 @@ def buckling_factor(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float
     eps.setDimensions(1, BASIS_SIZE)
     eps.setTolerances(BUCKLING_TOLERANCE, MOST_RESTARTS)
     eps.setConvergenceTest(SLEPc.EPS.Conv.REL)
-
-    ksp = eps.getST().getKSP()
-    ksp.setType(PETSc.KSP.Type.PREONLY)
-    pc = ksp.getPC()
-    pc.setType(PETSc.PC.Type.PYTHON)
-    pc.setPythonContext(_StiffnessInverse(solver))
+    use_inverse(eps.getST().getKSP(), solver.solve)
 
     largest = [math.inf]
     error = [math.inf]
@@ -460,13 +456,3 @@ def buckling_factor(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float
     value = eps.getEigenvalue(0).real
     eps.destroy()
     return math.inf if value * LARGEST_LOAD_FACTOR <= 1 else float(1 / value)
-
-
-class _StiffnessInverse:
-    """PETSc's Python preconditioner: the inverse of K."""
-
-    def __init__(self, solver: Solver) -> None:
-        self._solver = solver
-
-    def apply(self, pc: PETSc.PC, r: PETSc.Vec, x: PETSc.Vec) -> None:
-        x.setArray(self._solver.solve(np.array(r.array_r)))

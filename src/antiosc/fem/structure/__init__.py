@@ -491,6 +491,11 @@ class StructureMatrices:
     nodal: ClassVar[bool] = False
 
     @property
+    def comm(self) -> MPI.Comm:
+        """The MPI communicator that shares the matrices; `SERIAL` for SciPy matrices."""
+        return communicator(self.K)
+
+    @property
     def lossy(self) -> bool:
         """Whether a material has a loss factor."""
         return False

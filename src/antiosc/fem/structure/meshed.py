@@ -10,7 +10,6 @@ from typing import Any, ClassVar, TypeVar, cast
 import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from antiosc.base import plausible
@@ -30,6 +29,7 @@ from antiosc.fem.elements.weak_form import (
     measure,
     restricted_forms,
 )
+from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.iterative import without_fixed
 from antiosc.fem.linalg.petsc_algebra import CELLS_KEY, cell_matrix, uses_cells
@@ -170,11 +170,6 @@ class PartsMatrices(StructureMatrices):
 
     meshed: ClassVar[bool] = True
 
-    @property
-    def comm(self) -> MPI.Comm:
-        """The MPI communicator that shares the parts."""
-        raise NotImplementedError
-
     def members(self, name: str | None = None) -> list[Member]:
         """All parts, or the one of this name; InputError if there is none."""
         raise NotImplementedError
@@ -186,11 +181,13 @@ class PartsMatrices(StructureMatrices):
 
     def expanded(self, q: Array) -> Array:
         """Motions u of all parts for columns q (rows of this rank, k)."""
-        raise NotImplementedError
+        return q
 
     def joined(self, loads: T, rows: slice = slice(None)) -> T:
         """Tᵀ `loads`: loads on the `rows` of u as loads on q, 0 on fixed dofs."""
-        raise NotImplementedError
+        free = np.ones(algebra.rows(self.K))
+        free[self.fixed[self.fixed < len(free)]] = 0.0
+        return cast(T, scipy.sparse.diags(free) @ loads)
 
     def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
         """[(part, its motions (rows, k))] for `shapes`, of all parts or of the part `name`."""
@@ -204,7 +201,7 @@ class PartsMatrices(StructureMatrices):
 
     def on_q(self, member: Member, matrix: PETSc.Mat) -> PETSc.Mat:
         """Tᵀ A T for the `matrix` A on the dofs of one part."""
-        raise NotImplementedError
+        return matrix
 
     def dissipation(self) -> list[Dissipation]:
         return [*self.dashpots(), *self._relaxing_terms]
@@ -264,10 +261,6 @@ class MeshedStructure(PartsMatrices):
     initial: Array | None = None
 
     @property
-    def comm(self) -> MPI.Comm:
-        return self.mesh.comm
-
-    @property
     def rows(self) -> int:
         """Number of dofs of this rank, fixed ones included."""
         return compat.local_size(self.form.space)
@@ -287,14 +280,6 @@ class MeshedStructure(PartsMatrices):
     @property
     def places(self) -> DofPlaces:
         return support.places_of(self.form)
-
-    def expanded(self, q: Array) -> Array:
-        return q
-
-    def joined(self, loads: T, rows: slice = slice(None)) -> T:
-        free = np.ones(self.rows)
-        free[self.fixed[self.fixed < self.rows]] = 0.0
-        return cast(T, scipy.sparse.diags(free) @ loads)
 
     @property
     def kind(self) -> Kind:
@@ -423,9 +408,6 @@ class MeshedStructure(PartsMatrices):
 
     def dashpots(self) -> list[Dissipation]:
         return list(self.dampers)
-
-    def on_q(self, member: Member, matrix: PETSc.Mat) -> PETSc.Mat:
-        return matrix
 
     @cached_property
     def losses(self) -> list[tuple[int | str, Material, PETSc.Mat]]:

@@ -126,6 +126,8 @@ def _by_slepc(search: ModeSearch) -> tuple[Array, Array]:
     from petsc4py import PETSc
     from slepc4py import SLEPc
 
+    from antiosc.fem.linalg.petsc_algebra import use_inverse  # needs PETSc
+
     structure = search.structure
     eps = SLEPc.EPS().create(structure.K.getComm())
     eps.setOperators(structure.K, structure.M)
@@ -138,11 +140,7 @@ def _by_slepc(search: ModeSearch) -> tuple[Array, Array]:
     st = eps.getST()
     st.setType(SLEPc.ST.Type.SINVERT)
     st.setMatMode(SLEPc.ST.MatMode.SHELL)  # the factor is ours: SLEPc needs no K + sM
-    ksp = st.getKSP()
-    ksp.setType(PETSc.KSP.Type.PREONLY)
-    pc = ksp.getPC()
-    pc.setType(PETSc.PC.Type.PYTHON)
-    pc.setPythonContext(_SearchInverse(search))
+    use_inverse(st.getKSP(), search.inverse)
     eps.setInitialSpace([_petsc_vector(structure.K, search.start())])
     if search.known.shape[1]:
         eps.setDeflationSpace([_petsc_vector(structure.K, shape) for shape in search.known.T])
@@ -179,16 +177,6 @@ def _petsc_vector(K: PETSc.Mat, values: Array) -> PETSc.Vec:
     x = K.createVecRight()
     x.setArray(values)
     return x
-
-
-class _SearchInverse:
-    """A preconditioner for PETSc that applies `ModeSearch.inverse`."""
-
-    def __init__(self, search: ModeSearch) -> None:
-        self._search = search
-
-    def apply(self, pc: PETSc.PC, r: PETSc.Vec, x: PETSc.Vec) -> None:
-        x.setArray(self._search.inverse(r.array_r))
 
 
 #: LAPACK computes all modes of structures with at most this many rows, on one rank, if more than a

@@ -34,7 +34,7 @@ from antiosc.reduce.extraction import elastic_response
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
     from antiosc.fem.elements.second_order import PartPoints
-    from antiosc.fem.structure.meshed import MeshedStructure, PartsMatrices
+    from antiosc.fem.structure.meshed import PartsMatrices
 
 #: Size of a new direction over that of its vector, below which it is rounding.
 EXHAUSTED_SIZE = 1e-6
@@ -42,17 +42,6 @@ EXHAUSTED_SIZE = 1e-6
 POINTS_AT_ONCE = 20_000
 #: What is computed, for who waits.
 PROGRESS_TEXT = "stretching of the part as it bends"
-
-
-def meshed_part(structure: Structure) -> MeshedStructure:
-    """The meshed part of a structure; InputError for an assembly and for given matrices."""
-    matrices = structure.matrices
-    if not matrices.meshed or matrices.assembled:
-        raise InputError(
-            f"a map with stretch takes a part of one mesh; got {structure.describe()}: leave"
-            " stretch out."
-        )
-    return cast("MeshedStructure", matrices)
 
 
 def pair_count(count: Count) -> int:
