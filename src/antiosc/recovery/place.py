@@ -18,7 +18,7 @@ from antiosc.base.stresses import Strengths, TensileStrength
 from antiosc.fem.elements import Layer, Section
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure import place as fem_place
+    from antiosc.fem.structure.loads import Place as PartPlace
 
 #: Without a length a point is moved by at most this share of the part's size, or by one element.
 SNAP_SHARE = 0.02
@@ -63,7 +63,7 @@ class Reach:
             f"{units if distance > size else ''}; {self.remedy}."
         )
 
-    def check_at(self, point: Array, place: fem_place.Place) -> None:
+    def check_at(self, point: Array, place: PartPlace) -> None:
         """`check` of a point (3,) against its place on a part, in the axes of the structure."""
         extent = place.member.part.mesh.extent()
         self.check(point, place.placed, extent, lambda: place.cell_size)

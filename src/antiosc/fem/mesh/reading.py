@@ -214,11 +214,9 @@ def folded_cells(
     points: Array, cells: IntArray, shape: str, order: int, least: float = 0.0
 ) -> IntArray:
     """Numbers of cells whose smallest Jacobian is at most `least` times the largest."""
-
-    def fails(det: Array) -> BoolArray:
-        return np.asarray(det.min(axis=1) <= least * det.max(axis=1))
-
-    return _cells_where(points, cells, shape, order, fails)
+    return _cells_where(
+        points, cells, shape, order, lambda det: det.min(axis=1) <= least * det.max(axis=1)
+    )
 
 
 def _along_mean_normal(J: Array) -> Array:
@@ -249,11 +247,13 @@ CROSSED_RATIO = 0.5
 
 def crossed_cells(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
     """Numbers of cells (nodes in dolfinx's order) whose sides cross, as those of a bowtie."""
-
-    def fails(det: Array) -> BoolArray:
-        return np.asarray(det.sum(axis=1) <= CROSSED_RATIO * np.abs(det).sum(axis=1))
-
-    return _cells_where(points, cells if shape != "interval" else cells[:0], shape, order, fails)
+    return _cells_where(
+        points,
+        cells if shape != "interval" else cells[:0],
+        shape,
+        order,
+        lambda det: det.sum(axis=1) <= CROSSED_RATIO * np.abs(det).sum(axis=1),
+    )
 
 
 def refuse_degenerate(mesh: Mesh) -> None:

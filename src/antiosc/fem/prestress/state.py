@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import dolfinx
@@ -68,19 +68,6 @@ LARGEST_LOAD_FACTOR = 100.0
 BUCKLING_TOLERANCE = 1e-7
 #: Most restarts: relevant modes are well separated from the many near 0.
 MOST_RESTARTS = 12
-
-
-@dataclass(frozen=True, eq=False)
-class Tendon:
-    """A tightened group of beams or bars.
-
-    load : (rows of this rank,) forces due to a unit stress-free strain, with the sign of a pull on
-        both ends. length [m]; stiffness: mean EA [N].
-    """
-
-    load: Array
-    length: float
-    stiffness: float
 
 
 class LoadedPart:
@@ -172,8 +159,11 @@ def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
     return strain_of_cells
 
 
-def tendon(part: MeshedStructure, name: str) -> Tendon:
-    """The tendon of a group of beams or bars."""
+def tendon(part: MeshedStructure, name: str) -> tuple[Array, float, float]:
+    """(forces (rows of this rank,), length [m], mean EA [N]) of a group of beams or bars.
+
+    The forces are due to a unit stress-free strain, with the sign of a pull on both ends.
+    """
     unit_strain = initial_strain(part, {name: 1.0})
     stretch = second_order_strain(part.mesh, part.parts, part.form.degree)
     dx = measure(part.mesh, stretch.degree)
@@ -183,7 +173,7 @@ def tendon(part: MeshedStructure, name: str) -> Tendon:
     load = compat.assemble_functional(work, part.form.space)[:rows]
     length = compat.integrate(unit_strain * dx, part.mesh.dolfinx)
     EA = compat.integrate(stretch.forces(unit_strain) * dx, part.mesh.dolfinx)
-    return Tendon(zero_on_fixed(part, load), length, EA / length)
+    return zero_on_fixed(part, load), length, EA / length
 
 
 def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
@@ -323,8 +313,7 @@ def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
 
     with doing("static step of the prestress"):
         solver, _ = base.factored(math.inf)
-        tendons = {name: tendon(base, name) for name in loads.tension}
-        initial = tendon_strains(loads, tendons, solver)
+        initial = tendon_strains(base, loads.tension, solver)
         dead = zero_on_fixed(base, dead_forces(base, loads) + gravity_loads(base, loads))
         loaded = LoadedPart(base, loads, initial)
         q, K, tangent = equilibrium(base, loaded, dead, solver)
@@ -353,24 +342,22 @@ def gravity_loads(base: MeshedStructure, loads: Prestress) -> Array:
 
 
 def tendon_strains(
-    loads: Prestress, tendons: Mapping[str, Tendon], solver: Solver
+    part: MeshedStructure, tensions: Mapping[str, float], solver: Solver
 ) -> dict[str, float]:
-    """Initial strains by tendon that produce the required tensions of all tendons together."""
-    if not tendons:
+    """Initial strains by tendon that produce the `tensions` [N] of all tendons together."""
+    if not tensions:
         return {}
-    tendons_listed = list(tendons.values())
-    pulls = np.column_stack([group.load for group in tendons_listed])
-    lengths = np.array([group.length for group in tendons_listed])
-    stiffnesses = np.diag([group.stiffness for group in tendons_listed])
-    displacements = solver.solve_block(pulls)
-    forces = np.asarray(dot(solver.comm, pulls, displacements)) / lengths[:, None] - stiffnesses
-    for name, group, force in zip(tendons, tendons_listed, forces.diagonal(), strict=True):
-        if -force <= LEAST_RESTRAINT * group.stiffness:
+    pulls, lengths, stiffnesses = zip(*(tendon(part, name) for name in tensions), strict=True)
+    loads = np.column_stack(pulls)
+    forces = np.asarray(dot(solver.comm, loads, solver.solve_block(loads)))
+    forces = forces / np.array(lengths)[:, None] - np.diag(stiffnesses)
+    for name, stiffness, force in zip(tensions, stiffnesses, forces.diagonal(), strict=True):
+        if -force <= LEAST_RESTRAINT * stiffness:
             raise InputError(
                 f"{name!r} cannot be tightened: nothing holds its ends against the tension."
             )
-    strains = np.linalg.solve(forces, [loads.tension[name] for name in tendons])
-    return dict(zip(tendons, strains.tolist(), strict=True))
+    strains = np.linalg.solve(forces, list(tensions.values()))
+    return dict(zip(tensions, strains.tolist(), strict=True))
 
 
 def equilibrium(

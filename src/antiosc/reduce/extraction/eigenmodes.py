@@ -17,7 +17,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import scipy.linalg
@@ -46,6 +46,8 @@ from antiosc.reduce.extraction import SiteShapes
 if TYPE_CHECKING:
     from petsc4py import PETSc
 
+#: r -> A⁻¹r of vectors (rows,)
+Inverse: TypeAlias = Callable[[Array], Array]
 
 #: Tolerance on the eigenvalues 1/(ω² + s); the residuals are measured again afterwards.
 EIGENVALUE_TOLERANCE = 1e-11
@@ -58,92 +60,65 @@ MOST_RESTARTS = 200
 EQUIVALENT_SITES = 3.0
 
 
-@dataclass(frozen=True)
-class ModeSearch:
-    """One search for the lowest modes that are M-orthogonal to those already `known`."""
+def _by_arpack(
+    structure: Structure, known: Array, wanted: int, computed: int, start: Array, inverse: Inverse
+) -> tuple[Array, Array]:
+    """(ω² [rad²/s²] (k,), shapes (rows, k)) of the lowest modes, unsorted, by ARPACK.
 
-    structure: Structure
-    #: the sites that are constrained; None for natural modes
-    held: SiteShapes | None
-    #: M-orthonormal shapes that are deflated (rows of this rank, k)
-    known: Array
-    #: number of modes to find, and number that exist
-    wanted: int
-    limit: int
+    `known` (rows, m): M-orthonormal shapes to which they are M-orthogonal; `wanted`, `computed`:
+    how many are needed and sought; `start` (rows,): a vector in the range of the `inverse`.
+    """
+    known_loads = multiply(structure.M, known)
 
-    @property
-    def computed(self) -> int:
-        """Number of modes that the search computes: a few more than wanted."""
-        return min(self.wanted + EXTRA_MODES, self.limit)
-
-    def inverse(self, r: Array) -> Array:
-        """A⁻¹r for a load r (rows,), with the sites at rest if they are constrained."""
-        x = self.structure.factorize().solve(r)
-        if self.held is None:
-            return x
-        return self.held.constrained(self.structure.comm, x)
-
-    def start(self) -> Array:
-        """A random vector in the range of A⁻¹M."""
-        structure = self.structure
-        random = np.random.default_rng(structure.comm.rank).standard_normal(structure.rows)
-        return structure.factorize().solve(multiply(structure.M, random))
-
-
-def _by_arpack(search: ModeSearch) -> tuple[Array, Array]:
-    """(ω² [rad²/s²] (k,), shapes (rows, k)) of the wanted modes or more, unsorted, by ARPACK."""
-    structure = search.structure
-    modes = search.known
-    known_loads = multiply(structure.M, modes)
-
-    def inverse(r: Array) -> Array:
-        """The operator for ARPACK: `search.inverse`."""
-        x = search.inverse(r)
-        return np.asarray(x - modes @ (known_loads.T @ x))
+    def deflated(r: Array) -> Array:
+        """The operator for ARPACK."""
+        x = inverse(r)
+        return np.asarray(x - known @ (known_loads.T @ x))
 
     shape = (structure.size, structure.size)
 
     try:
         values, shapes = eigsh(
             structure.K,
-            search.computed,
+            computed,
             structure.M,
             sigma=-structure.shift,
-            OPinv=LinearOperator(shape, inverse, dtype=float),
-            v0=search.start(),
+            OPinv=LinearOperator(shape, deflated, dtype=float),
+            v0=start,
             tol=EIGENVALUE_TOLERANCE,
         )
     except ArpackError as error:
         raise NotConvergedError(
-            f"ARPACK did not find {search.wanted} modes ({error}): ask for fewer modes."
+            f"ARPACK did not find {wanted} modes ({error}): ask for fewer modes."
         ) from error
 
     return values, shapes
 
 
-def _by_slepc(search: ModeSearch) -> tuple[Array, Array]:
-    """(ω² [rad²/s²] (k,), shapes (rows, k)) of the wanted modes or more, by Krylov–Schur."""
+def _by_slepc(
+    structure: Structure, known: Array, wanted: int, computed: int, start: Array, inverse: Inverse
+) -> tuple[Array, Array]:
+    """The same by Krylov–Schur, over all ranks."""
     from petsc4py import PETSc
     from slepc4py import SLEPc
 
     from antiosc.fem.linalg.petsc_algebra import use_inverse  # needs PETSc
 
-    structure = search.structure
     eps = SLEPc.EPS().create(structure.K.getComm())
     eps.setOperators(structure.K, structure.M)
     eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
     eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
-    eps.setDimensions(search.computed)
+    eps.setDimensions(computed)
     eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
     eps.setTarget(-structure.shift)
     eps.setTolerances(EIGENVALUE_TOLERANCE, MOST_RESTARTS)
     st = eps.getST()
     st.setType(SLEPc.ST.Type.SINVERT)
     st.setMatMode(SLEPc.ST.MatMode.SHELL)  # the factor is ours: SLEPc needs no K + sM
-    use_inverse(st.getKSP(), search.inverse)
-    eps.setInitialSpace([_petsc_vector(structure.K, search.start())])
-    if search.known.shape[1]:
-        eps.setDeflationSpace([_petsc_vector(structure.K, shape) for shape in search.known.T])
+    use_inverse(st.getKSP(), inverse)
+    eps.setInitialSpace([_petsc_vector(structure.K, start)])
+    if known.shape[1]:
+        eps.setDeflationSpace([_petsc_vector(structure.K, shape) for shape in known.T])
 
     try:
         eps.solve()
@@ -157,9 +132,9 @@ def _by_slepc(search: ModeSearch) -> tuple[Array, Array]:
         ) from None
 
     count = eps.getConverged()
-    if count < search.wanted:
+    if count < wanted:
         raise NotConvergedError(
-            f"SLEPc found {count} of {search.wanted} modes within {eps.getIterationNumber()} "
+            f"SLEPc found {count} of {wanted} modes within {eps.getIterationNumber()} "
             f"restarts (reason {eps.getConvergedReason()}): ask for fewer modes."
         )
     x = structure.K.createVecRight()
@@ -268,13 +243,14 @@ class ModeSolver:
         found_modes = self._found
         known_count = len(found_modes.omega)
         shapes = np.column_stack([self._rigid, found_modes.phi])
-        search = ModeSearch(
-            structure, self._held, shapes, count - known_count, self.limit - known_count
-        )
-        text = f"search of {search.computed} modes of {structure.dofs} dofs"
+        wanted = count - known_count
+        computed = min(wanted + EXTRA_MODES, self.limit - known_count)
+        solver = structure.factorize(EQUIVALENT_SITES)
         method = _by_arpack if is_scipy(structure.K) else _by_slepc
-        with doing(text), structure.factorize(EQUIVALENT_SITES).accurately():
-            values, vectors = method(search)
+        with doing(f"search of {computed} modes of {structure.dofs} dofs"), solver.accurately():
+            random = np.random.default_rng(structure.comm.rank).standard_normal(self._rows)
+            start = solver.solve(multiply(structure.M, random))
+            values, vectors = method(structure, shapes, wanted, computed, start, self._inverse)
 
         # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all
         # others
@@ -302,6 +278,11 @@ class ModeSolver:
             return modes
         self._found = Modes(modes.omega[right], modes.phi[:, right], False)
         return self._by_krylov(count)
+
+    def _inverse(self, r: Array) -> Array:
+        """A⁻¹r for a load r (rows,), with the sites at rest if they are constrained."""
+        x = self._structure.factorize().solve(r)
+        return x if self._held is None else self._held.constrained(self._structure.comm, x)
 
     def _by_lapack(self) -> Modes:
         """All modes of a small structure, from (M, K + σM) with σ within the spectrum."""

@@ -91,7 +91,6 @@ class Lanczos:
         room: int = BASIS_STEP,
         terms: Sequence[Dissipation] = (),
     ) -> None:
-        self._structure = structure
         self._static = static
         self._terms = terms
         self._comm = structure.comm
