@@ -113,14 +113,14 @@ def struck(document: Document, name: str, speed: float) -> Blow:
     started = seconds()
     scene, evaluate = settle(document)
     part, hit = evaluate(scene.structure), evaluate(scene.history)
-    bar = hit.error_budget["peak_force"].known
+    bar = hit.error_budget["peak_force"]
     of_force = seconds() - started
     site, n = evaluate(scene.model.arguments["site"]), hit.model.n
 
     def again(structure: ao.Structure) -> ao.History:
         return stress.struck_again(hit, structure, ao.extract(structure, site, n=n))
 
-    force = f"{hit.peak_force:.4g} N ± {100 * bar:.0f} %"
+    force = f"{hit.peak_force:.4g} N ± {100 * bar.known:.0f} %, mesh {100 * bar.mesh:.2g} %"
     run = part, hit, again, stress.fields_by_strength
     return closed(f"{name}, {velocity:.3g} m/s", force, scene, run, of_force)
 
@@ -136,7 +136,7 @@ def dropped(document: Document, name: str) -> Blow:
     of_force = seconds() - started
 
     def again(structure: ao.Structure) -> ao.Fall:
-        made = replace(scene.structure, made=structure)
+        made = replace(scene.structure, result=structure)
         return Evaluation(document)(exchanged_call(scene.fall, {scene.structure: made}))
 
     def stresses(_: ao.Structure, fall: ao.Fall) -> dict[str, PeakField]:

@@ -44,6 +44,7 @@ from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import AnyHistory, checked_times, shape_factors
 from antiosc.impact.histories.parts import BodyHistory
 from antiosc.impact.histories.verdict import ContactZone, contact_zones, does_yield
+from antiosc.io.neutral import CELL_KINDS
 from antiosc.plot.charts import figure_or_path
 from antiosc.recovery import source
 from antiosc.recovery.place import AnyStrength, NodeTensors, Place, place
@@ -293,7 +294,8 @@ def peak_field(
     -----
     At the nodes of solids, on the surface too, strains and stresses are those of the cells there
     (not of their Gauss points), as means of the cells of one material; in sheets and beams the
-    largest of the cells is taken. Near a point load or a re-entrant corner the values grow with
+    largest of the cells is taken. At corners of quadratic cells these are too large: the margin
+    judges the middles of their edges. Near a point load or a re-entrant corner the values grow with
     every refinement of the mesh, which `mesh_error` shows. Stresses and strains of a
     structure with a prestress are those of the static state plus those of the impact.
 
@@ -526,6 +528,13 @@ def _with_margin(
 
     if field.exposure is None and field.quantity != "von_mises":
         return field
+
+    # the means at corners of quadratic cells are too large
+    exposures = exposures.copy()
+    for name, cells in field._cells:
+        kind = CELL_KINDS[name]
+        if kind.order == 2:
+            exposures[cells[:, : kind.vertices]] = 0.0
 
     share = np.zeros(len(times))
     if field.mesh_error is not None:

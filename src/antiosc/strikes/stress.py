@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, InputError, MeshError, without_warnings
 from antiosc.base.texts import engineering, percent, plain_number, point_text
 from antiosc.fem.mesh.finer import refined_near
@@ -129,7 +130,7 @@ def closed(
             known = StressResult(dict(fields(part, again)), part, again, rounds + 1)
 
     spent = time.perf_counter() - started
-    return _with_sentence(replace(known, seconds=spent, reason=why), hit, tol)
+    return _with_sentence(replace(known, seconds=spent, reason=why))
 
 
 def divided(structure: Structure, refine: Sequence[Refinement]) -> Structure:
@@ -157,40 +158,37 @@ def _impact_on_model(hit: History, model: AntiOscillators) -> History:
 
 def stress_bar(field: PeakField) -> tuple[float, float]:
     """Relative errors (below, above) of the largest stress that counts, by the mesh."""
-    values, errors, counts = _values_errors_counts(field)
-    largest = float(values[counts].max(initial=0.0))
+    values, errors = _judged_stresses(field)
+    largest = float(values.max())
     if not largest:
         return 0.0, 0.0
-    below = float((values - errors)[counts].max())
-    above = float((values + errors)[counts].max())
-    return 1 - max(below, 0.0) / largest, above / largest - 1
+    below = float((values - errors).max(initial=0.0))
+    above = float((values + errors).max())
+    return 1 - below / largest, above / largest - 1
 
 
-def _values_errors_counts(field: PeakField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(values, their errors by the mesh, which nodes count)."""
+def _judged_stresses(field: PeakField) -> tuple[Array, Array]:
+    """(values, their errors by the mesh), both 0 at the nodes that do not count."""
+    counts = True if field.counts is None else field.counts
     errors = np.zeros_like(field.values) if field.mesh_error is None else field.mesh_error
-    counts = np.ones(len(errors), dtype=bool) if field.counts is None else field.counts
-    return field.values, errors, counts
+    return np.where(counts, field.values, 0.0), np.where(counts, errors, 0.0)
 
 
 def _wanted_refinements(fields: dict[str, PeakField], tol: float) -> list[Refinement]:
     """Places where the cells must become smaller, with their new sizes [m]."""
     wanted: list[Refinement] = []
     for field in fields.values():
-        cells = None if field.worst_point is None else field.worst_point.cells
-        if cells is not None:
-            wanted.append((cells[0], cells[1], SIZE_GROWTH))
-        if max(stress_bar(field)) > tol or cells is not None:
+        worst = field.worst_point
+        if worst is not None and worst.cells is not None:
+            wanted.append((*worst.cells[:2], SIZE_GROWTH))
+        if max(stress_bar(field)) > tol:
             wanted += _refinements(field, tol)
-    # the size by the error of a place replaces that by its margin
-    return list({tuple(place[0]): place for place in wanted}.values())[:MAX_PLACES]
+    return wanted[:MAX_PLACES]
 
 
 def _refinements(field: PeakField, tol: float) -> list[Refinement]:
     """At most `MAX_PLACES` refinements, where an upper bound exceeds the largest lower one."""
-    values, errors, counts = _values_errors_counts(field)
-    values = np.where(counts, values, 0.0)
-    errors = np.where(counts, errors, 0.0)
+    values, errors = _judged_stresses(field)
     upper = values + errors
     allowed = (1 + AIMED_TOL_SHARE * tol) * float(values.max())
     open_to = upper > (values - errors).max()
@@ -209,14 +207,8 @@ def _refinements(field: PeakField, tol: float) -> list[Refinement]:
     return places
 
 
-def _with_sentence(result: StressResult, hit: Any, tol: float) -> StressResult:
-    """`result` with a sentence on rounds, cells and seconds in each field; `hit`: first mesh."""
-    told = ""
-    force = 0.0 if getattr(hit, "named", False) else hit.peak_force
-    change = abs(result.hit.peak_force / force - 1) if force else 0.0
-    if change > tol:
-        told = f"; the force differs by {percent(change)}"
-
+def _with_sentence(result: StressResult) -> StressResult:
+    """`result` with a sentence on rounds, cells and seconds in each field."""
     fields = {}
     for name, field in result.fields.items():
         low, high = stress_bar(field)
@@ -224,7 +216,7 @@ def _with_sentence(result: StressResult, hit: Any, tol: float) -> StressResult:
         sentence = (
             f"{result.rounds} of at most {MAX_ROUNDS} rounds of smaller cells, "
             f"{cells} cells, {result.seconds:.0f} s: +{percent(high)} −{percent(low)} "
-            f"by the mesh{told}"
+            "by the mesh"
         )
         if result.reason:
             sentence += f"; {_unknown_text(field)}, since {result.reason}"
@@ -235,9 +227,9 @@ def _with_sentence(result: StressResult, hit: Any, tol: float) -> StressResult:
 
 def _unknown_text(field: PeakField) -> str:
     """Text: the stress above which nothing is known, and the place of the largest bound."""
-    values, errors, counts = _values_errors_counts(field)
-    least = float((values - errors)[counts].max(initial=0.0))
-    upper = np.where(counts, values + errors, 0.0)
+    values, errors = _judged_stresses(field)
+    least = float((values - errors).max(initial=0.0))
+    upper = values + errors
     k = int(upper.argmax())
 
     return (
