@@ -42,8 +42,8 @@ HEAD = """\
 CAD parts by others, struck as `antiosc new` proposes and at ten times that speed, or dropped 1 m
 onto a rigid floor; the largest stress to 25 % by the mesh. The truth is the same run on a mesh of
 uniform cells, with half of the cells at the places of the largest stress and of its largest bound.
-Processor seconds of a machine with other work: ratios tell more. The parts are those of
-[Thor](https://github.com/AngelLM/Thor).
+The force has its known bar, and its share by the mesh. Processor seconds of a machine with other
+work: ratios tell more. The parts are those of [Thor](https://github.com/AngelLM/Thor).
 
 """
 #: Columns of the rows.
