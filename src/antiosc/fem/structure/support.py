@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import InitVar, dataclass
+from functools import partial
 from typing import cast
 
 import dolfinx
@@ -255,9 +256,12 @@ def ball_region(value: object) -> Region:
     centre = in_space(coordinates("the point of near", point))
     radius = nonnegative("the radius of near", radius)
     return Region(
-        f"within {radius:g} m of {point_text(centre)}",
-        lambda x: np.linalg.norm(x - centre[:, None], axis=0) - radius,
+        f"within {radius:g} m of {point_text(centre)}", partial(_outside_ball, centre, radius)
     )
+
+
+def _outside_ball(centre: Array, radius: float, x: Array) -> Array:
+    return np.asarray(np.linalg.norm(x - centre[:, None], axis=0) - radius)
 
 
 def box_region(value: object) -> Region:
@@ -271,7 +275,11 @@ def box_region(value: object) -> Region:
         )
 
     words = f"in the box from {point_text(lower)} to {point_text(upper)}"
-    return Region(words, lambda x: np.maximum(lower[:, None] - x, x - upper[:, None]).max(axis=0))
+    return Region(words, partial(_outside_box, lower, upper))
+
+
+def _outside_box(lower: Array, upper: Array, x: Array) -> Array:
+    return np.asarray(np.maximum(lower[:, None] - x, x - upper[:, None]).max(axis=0))
 
 
 def plane_region(value: object) -> Region:
@@ -287,7 +295,11 @@ def plane_region(value: object) -> Region:
 
     normal_text = ", ".join(f"{c:g}" for c in normal / length)
     words = f"on the plane through {point_text(point)} across ({normal_text})"
-    return Region(words, lambda x: np.abs(normal / length @ (x - point[:, None])))
+    return Region(words, partial(_outside_plane, point, normal / length))
+
+
+def _outside_plane(point: Array, normal: Array, x: Array) -> Array:
+    return np.asarray(np.abs(normal @ (x - point[:, None])))
 
 
 def _pair(name: str, value: object, form: str) -> tuple[object, object]:
