@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from petsc4py import PETSc
@@ -203,3 +205,18 @@ def test_a_stiff_plate_on_springs_heaves_as_one_mass():
     polar = (mass - 0.5) * (0.2**2 + 0.2**2) / 12 + 1e-3  # about z; thin normals add a little
     squares = sorted([400 / mass] * 3 + [4 * 100 * 0.1**2 / J] * 2 + [400 * 0.02 / polar])
     assert frequencies(part, 6) ** 2 == pytest.approx(squares, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    "region",
+    [
+        {"near": ((0, 0, 0), 0.1)},
+        {"box": ((0, 0, 0), (0.1, 0.2, 0.3))},
+        {"plane": ((0, 0, 0.1), (0, 0, 1))},
+    ],
+)
+def test_a_support_of_a_region_can_be_pickled(region):
+    support = ao.Support(**region)
+    copy = pickle.loads(pickle.dumps(support))
+    x = np.random.default_rng(0).random((3, 50)) * 0.2
+    assert (copy.where(x, size=1.0) == support.where(x, size=1.0)).all()
