@@ -191,7 +191,7 @@ def _max_speed(velocity: object) -> float:
 
 
 def warn_each(sentences: Iterable[str]) -> tuple[str, ...]:
-    """Warn once of each non-empty sentence; return all sentences."""
+    """Warn of each distinct non-empty sentence; return these."""
     distinct = tuple(dict.fromkeys(filter(None, sentences)))
     for sentence in distinct:
         warn(sentence)

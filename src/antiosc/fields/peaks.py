@@ -552,7 +552,7 @@ def _with_margin(
 def _thickness_places(
     surface: str | None, layer: int | None, fibre: Sequence[float] | None
 ) -> list[Place]:
-    """Positions in thickness or section for the quantity; default: top and bottom."""
+    """Places of evaluation through the thickness; both surfaces if `surface` is None."""
     surfaces = ["top", "bottom"] if surface is None else [surface]
     return [place(side, layer, fibre, "global") for side in surfaces]
 

@@ -82,7 +82,7 @@ def _content(path: Path, name: str) -> meshio.Mesh:
 
 
 def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
-    """Yield (group name, index of a block of cells, rows in it) in the ways of meshio's formats."""
+    """Yield (group name, index of a block of cells, rows in it) of all sets."""
     pairs = {name: np.asarray(pair) for name, pair in mesh.field_data.items()}
     physical = {  # (tag, dimension) -> name
         (int(pair[0]), int(pair[1])): name

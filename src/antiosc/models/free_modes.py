@@ -301,7 +301,7 @@ def _lanczos(
     stiff = np.where(soft, 1 / np.where(soft, massless, 1.0), 0.0)
     pin = np.where(soft, 0.0, 1 / np.where(soft, 1.0, np.sum(b * y, axis=1)))
 
-    def flexed(v: Array) -> Array:
+    def elastic_response(v: Array) -> Array:
         """T v: displacements under the load v with the site fixed."""
         return np.asarray(v / A - y * (np.sum(y * v, axis=1) / bAb)[:, None])
 
@@ -314,7 +314,7 @@ def _lanczos(
     F = np.zeros((sites, n, size))
     H = np.zeros((sites, n, n))
 
-    w = flexed(phi)
+    w = elastic_response(phi)
     for k in range(n):
         initial_energy = np.sum(w * force(w), axis=1)
         for _ in range(2):  # twice is enough (Kahan)
@@ -329,7 +329,7 @@ def _lanczos(
         V[:, k] = w * scale
         F[:, k] = f * scale
         H[:, : k + 1, k] = H[:, k, : k + 1] = np.einsum("skj,sj->sk", V[:, : k + 1], V[:, k])
-        w = flexed(V[:, k])
+        w = elastic_response(V[:, k])
 
     theta, vectors = np.linalg.eigh(H)
     theta = np.where(theta > 0, theta, 0.0)

@@ -220,7 +220,7 @@ def checked_parameters(model: Parameters) -> ParameterDict:
             sizes, least = np.sqrt(np.abs(E.diagonal())), -ENERGY_ROUNDING * rows.size
             if name == "strain_misfit":  # of either sign
                 sizes, least = np.full_like(sizes, np.sqrt(np.abs(E).max())), -np.inf
-            E = _symmetric(name, E, sizes, ENERGY_ROUNDING, least)
+            E = _checked_symmetric(name, E, sizes, ENERGY_ROUNDING, least)
             stored[name] = checks.read_only(E[np.ix_(rows, rows)])
 
     # directions, and weights of the shapes along them
@@ -292,9 +292,9 @@ def _checked_at_sites(model: Parameters, omega: Array, order: Index) -> Paramete
     P = checks.floats("P", model.P, (p, omega.size))[:, order]
     omega = omega[order]
     sizes = np.sqrt(np.abs(m0.diagonal()) + np.sum(P**2, axis=1))
-    m0 = _symmetric("m0", m0, sizes, LARGEST_ASYMMETRY, -LARGEST_ASYMMETRY)
+    m0 = _checked_symmetric("m0", m0, sizes, LARGEST_ASYMMETRY, -LARGEST_ASYMMETRY)
     sizes = 1 / stiffness_scale(k0, m0 + P @ P.T, omega)
-    k0 = _symmetric("k0", k0, sizes, LARGEST_ASYMMETRY, -LARGEST_ASYMMETRY)
+    k0 = _checked_symmetric("k0", k0, sizes, LARGEST_ASYMMETRY, -LARGEST_ASYMMETRY)
     if p == 0 or np.any((k0.diagonal() == 0) & (m0.diagonal() == 0) & ~P.any(axis=1)):
         raise InputError("each of the sites needs stiffness or mass, in k0, m0 or P.")
 
@@ -329,7 +329,9 @@ def _checked_at_sites(model: Parameters, omega: Array, order: Index) -> Paramete
     }
 
 
-def _symmetric(name: str, matrix: Array, sizes: Array, asymmetry: float, least: float) -> Array:
+def _checked_symmetric(
+    name: str, matrix: Array, sizes: Array, asymmetry: float, least: float
+) -> Array:
     """Symmetric part of `matrix`; InputError for asymmetry, or an eigenvalue below `least`.
 
     `sizes` (p,): roots of the usual size of its diagonal, by which these limits are scaled.

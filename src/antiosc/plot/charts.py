@@ -266,7 +266,7 @@ def plot_motion(hits: HistoryLike, ax: Axes | None = None) -> Axes:
     """Displacements of the site and, dashed, of the striker over time; contacts are shaded.
 
     The dashed curve begins at the gap, so that the curves meet at the touch. The displacement axis
-    covers the motion of the site, that of the other body during contact, and a stop at rest.
+    covers the motion of the site, and that of the other body during contact, or of one at rest.
     """
     runs = objects_by_name(hits, "History")
     ax = axes_or_new(ax)

@@ -415,7 +415,7 @@ def with_stresses(structure: Structure, impact_map: ImpactMap, most: int | None)
     if with_parts(structure).members()[0].part.kind.outside:
         assert impact_map.peak_force is not None
         laws = impact_map.laws or (impact_map.contact,) * len(impact_map)
-        radii = [*map(_yielding_radius, laws, impact_map.peak_force.tolist())]
+        radii = [*map(_yielded_radius, laws, impact_map.peak_force.tolist())]
         zones = PLASTIC_ZONE_RADII * np.array(radii)
 
     balls = np.column_stack([impact_map.points, zones])
@@ -424,7 +424,7 @@ def with_stresses(structure: Structure, impact_map: ImpactMap, most: int | None)
     return replace(impact_map, **stresses._asdict())
 
 
-def _yielding_radius(law: ContactLaw | None, force: float) -> float:
+def _yielded_radius(law: ContactLaw | None, force: float) -> float:
     """Radius [m] of a contact that yields, the larger of Hertz's and full plasticity's; else 0."""
     if not isinstance(law, ElasticPlastic) or not law.yield_force < force:
         return 0.0

@@ -75,7 +75,7 @@ SECONDS_DOF_POWER = {1: 1.0, 2: 1.2, 3: 1.5}
 #: Bytes of a factor over a power of the number of dofs, which includes a logarithm in the plane,
 #: and this power; by dimension.
 FACTOR_BYTES = {1: 200.0, 2: 400.0, 3: 240.0}
-FACTOR_DOF_POWER = {1: 1.0, 2: 1.1, 3: 4 / 3}
+FACTOR_BYTES_DOF_POWER = {1: 1.0, 2: 1.1, 3: 4 / 3}
 #: Share of the tolerance for the truncation, …
 TRUNCATION_SHARE = 0.2
 #: … and for the time steps, which cost least; the mesh gets the rest.
@@ -504,7 +504,7 @@ def _next_mesh(
     seconds = answer.seconds * max(full_growth, 1.0) ** SECONDS_DOF_POWER[dim]
     spent = time.perf_counter() - start_time
     expected = spent + answer.seconds * growth ** SECONDS_DOF_POWER[dim]
-    required_bytes = FACTOR_BYTES[dim] * (structure.dofs * growth) ** FACTOR_DOF_POWER[dim]
+    required_bytes = FACTOR_BYTES[dim] * (structure.dofs * growth) ** FACTOR_BYTES_DOF_POWER[dim]
     free = free_memory()
     message = ""
     cost = (

@@ -111,7 +111,7 @@ def _check_combinations(build: Builder) -> None:
 
 
 def _one_of_text(names: str) -> str:
-    """Text for sections `names`: "[x], its description", or "one of [x], [y]"."""
+    """Text for one name: "[x], its description"; for several words: "one of [x], [y]"."""
     first, *other_names = names.split()
     if other_names:
         return f"one of {', '.join(map(heading_of, names.split()))}"

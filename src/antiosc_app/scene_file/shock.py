@@ -48,7 +48,7 @@ class ProbeShock(NamedTuple):
         return np.where(beyond & ~beyond.all(), 0.0, spectrum.maximax)
 
     def numbers(self) -> dict[str, Any]:
-        """The largest value with its component and frequency, and `at` the asked frequencies."""
+        """Largest value, its component and frequency; under "at" those at asked ones."""
         name = self.component
         k = int(np.argmax(self._passed_spectrum(name)))
         spectrum = self.spectra[name]

@@ -37,7 +37,7 @@ VariedInput = tuple[float, float, Callable[[float], AntiOscillators]]
 
 
 class PartModels:
-    """The models of a part, or of a function of x, with one of its numbers changed."""
+    """Models with one input of a part changed; `part`: a Structure, or a function of x."""
 
     def __init__(self, part: Any, x: ArrayLike | None, hit: History) -> None:
         self.name = model_name(hit)

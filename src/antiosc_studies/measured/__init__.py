@@ -209,7 +209,7 @@ def _warn_unclear(data: MeasuredReceptances, modes: FittedModes) -> None:
 
 
 def _consistent_bodies(data: MeasuredReceptances, fit: BodyFit) -> MeasuredBand:
-    """Other bodies, in free modes, that explain the measurement as well as the fit."""
+    """Free modes of other bodies that fit the measurement equally well."""
     noisy = with_other_noise(data, fit)
     rows = (_free_modes_of(modes) for modes in (*noisy, *fit.other_tails))
     omega, decay, b, r = map(list, zip(*rows, strict=True))

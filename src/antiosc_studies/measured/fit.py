@@ -349,7 +349,7 @@ def covariance(normal: Array) -> Array:
 
 
 def with_nonzero_terms(data: MeasuredReceptances, modes: FittedModes) -> FittedModes:
-    """The body with small values in place of vanishing terms, where the cost has no gradient."""
+    """The modes with small values for terms that vanish, where the cost has a gradient of 0."""
     low = slice(len(data.w) // 8 + 1)
     size = INITIAL_RESIDUAL_RATIO * np.median(np.abs(data.H))
     mass = INITIAL_RESIDUAL_RATIO * np.median(np.abs(data.H[low]) * data.w[low, None] ** 2)

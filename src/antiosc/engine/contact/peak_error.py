@@ -28,9 +28,9 @@ HERTZ_POWER = 0.4
 
 
 def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | None:
-    """Relative error of a peak force [N] by its law and the yield strength; None if unknown.
+    """Relative error of a peak force [N] due to law and yield strength; None if unknown.
 
-    contact_time : [s], by which the strength at the strain rate follows.
+    contact_time : [s]; it gives the strain rate, and so the yield strength.
     """
     if unknown_error(choice, peak):
         return None

@@ -163,7 +163,7 @@ class SolverByStrains(Solver):
         return X
 
     def force_sizes(self, R: Array) -> Array:
-        """√(rᵀA⁻¹r) (k,) of loads R; in the Euclidean norm rounding of x would fail the check."""
+        """Energy norms √(rᵀA⁻¹r) (k,) of loads R: rounding would fail a check by Euclidean ones."""
         return np.asarray(np.sqrt(np.maximum(self._inner_products(R, self.solve_block(R)), 0.0)))
 
     def _inner_products(self, x: Array, y: Array) -> Array:

@@ -197,9 +197,9 @@ def corners_at(mesh: Mesh, nearest: ClosestPoint) -> Array:
 
 
 def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
-    """(cell (P,), reference coordinates, distance [m]) of points (P, 3) inside cells.
+    """(cell (P,), reference coordinates, distance [m] to it) of points (P, 3).
 
-    The distance of a point outside of all cells of this rank is inf.
+    The distance is inf where no cell of this rank contains the point.
     """
     cell = np.zeros(len(points), dtype=int)
     distance = np.full(len(points), np.inf)

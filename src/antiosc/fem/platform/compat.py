@@ -142,7 +142,7 @@ def geometry_nodes(mesh: dolfinx.mesh.Mesh) -> IntArray:
 
 
 def _table(connections: dolfinx.graph.AdjacencyList | IntArray, width: int) -> IntArray:
-    """Rows of `width` numbers, which dolfinx 0.5 has as lists."""
+    """Array (rows, `width`); dolfinx 0.5 has an AdjacencyList."""
     return np.asarray(getattr(connections, "array", connections)).reshape(-1, width)
 
 

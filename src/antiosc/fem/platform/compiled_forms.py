@@ -57,18 +57,18 @@ def user_folder() -> Iterator[None]:
 
 
 #: Folders from which this process has removed what ended processes left.
-_cleared: set[Path] = set()
+_cleared_folders: set[Path] = set()
 
 
 @contextmanager
 def _shared_folder(folder: Path) -> Iterator[None]:
     """Context that shares `folder` with other processes; removes leftovers if none compiles."""
     with (folder / "lock").open("w") as file:
-        if folder not in _cleared:
+        if folder not in _cleared_folders:
             with suppress(OSError):  # somebody else compiles, or the file system has no locks
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 _remove_leftovers(folder)
-                _cleared.add(folder)
+                _cleared_folders.add(folder)
 
         with suppress(OSError):
             fcntl.flock(file, fcntl.LOCK_SH)

@@ -1,9 +1,8 @@
 """Attachments of a structure: masses, springs, dampers; beams along edges.
 
-They have no dofs: they are sums of m b bᵀ, bᵀu being one displacement component of a point.
+Those at points add no dofs: they are sums of m b bᵀ, bᵀu being a displacement component of a point.
 
-A beam along edges is assembled on a mesh of these, whose dofs are dofs of the sheet: K + Tᵀ K_beam
-T.
+A beam has a mesh of its edges; its dofs T u are some of the shell's dofs u: K + Tᵀ K_beam T.
 """
 
 from __future__ import annotations

@@ -175,7 +175,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def restitution_sides(self) -> tuple[float, float] | None:
-        """Errors (below, above) of the restitution e by the impulse m v (1 + e); or None."""
+        """Errors (below, above) of the restitution e from those of the impulse m v (1 + e)."""
         if self.restitution is None or self.no_bar:
             return None
 

@@ -368,7 +368,7 @@ def rounding_residuals(structure: Structure, modes: Modes) -> Array:
 
 
 def _polished(structure: Structure, modes: Modes) -> Modes:
-    """The modes after one step of `polish`."""
+    """The modes, refined once by `polish`."""
 
     def gram(matrix: Matrix, phi: Array) -> Array:
         """Products φᵀ matrix φ (k, k)."""

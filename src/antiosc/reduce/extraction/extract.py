@@ -194,7 +194,7 @@ def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete:
 #: its centre, modes hidden by symmetry have up to 0.0094 of the default accuracy with shell
 #: elements of a fifth of the radius, and 0.0001 with elements of a tenth; other modes have 500 and
 #: more.
-OBSERVABLE_SHARE = 0.01
+MIN_OBSERVABLE_SHARE = 0.01
 
 
 @overload
@@ -399,7 +399,7 @@ def _checked_options(
         on_root(structure.comm, partial(process.require_memory, need, what, remedy))
 
     accuracy = positive("accuracy", accuracy)
-    tol = OBSERVABLE_SHARE * min(accuracy, 1.0) if tol is None else tolerance(tol)
+    tol = MIN_OBSERVABLE_SHARE * min(accuracy, 1.0) if tol is None else tolerance(tol)
     if expansion is not None:
         expansion = positive("expansion", expansion, "Hz")
     elif not isinstance(proof, bool):

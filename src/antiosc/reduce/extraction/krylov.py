@@ -137,17 +137,17 @@ class Lanczos:
         """
         k = self._locked + self.steps
         V = self._V[:, :k]
-        w = self._constrained(w)
+        w = self._held_at_sites(w)
         load_energy = max(float(dot(self._comm, w, load)), size)
 
         # VᵀAw = Vᵀ load but for the solver's error: V does not feel the forces that hold the sites
-        w = self._constrained(w - V @ dot(self._comm, V, load))
+        w = self._held_at_sites(w - V @ dot(self._comm, V, load))
         f = multiply(self._A, w)
         h = dot(self._comm, V, f)  # twice is enough (Kahan)
 
         # K has no part in it for a rigid-body mode: its rounding, over s, would be a large one
         h[: self._locked] = dot(self._comm, self._forces, w)
-        w = self._constrained(w - V @ h)
+        w = self._held_at_sites(w - V @ h)
         energy = float(dot(self._comm, w, f))
         if self.steps == self._most:  # rounding may produce directions outside the space
             return 0.0
@@ -159,8 +159,8 @@ class Lanczos:
         self.steps += 1
         return 0.0
 
-    def _constrained(self, w: Array) -> Array:
-        """w (rows,) after forces at the sites are added such that these do not move."""
+    def _held_at_sites(self, w: Array) -> Array:
+        """w (rows,) with the response to those forces at the sites by which these do not move."""
         return self._static.constrained(self._comm, w)
 
     def _extend_H(self) -> Array:
