@@ -99,7 +99,7 @@ def test_rounds_end_before_they_cost_more_than_three_times_the_force():
     found = stress.closed(hit, part, 1e-3, finer, None, stress.fields_by_strength)
     (field,) = found.fields.values()
     assert found.rounds == 0
-    assert len(asked[0]) == 2
+    assert 1 < len(asked[0]) <= 5
     assert "cannot say above" in field.rounds
     assert "50000 dofs" in field.rounds
 
