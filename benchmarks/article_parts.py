@@ -57,6 +57,7 @@ def main(
     coarse: float = 8e-3,
     n1: int = 50,
     n2: int = 20,
+    reference_modes: int = 150,
     solid: bool = True,
     check: bool = True,
     step: float = 2e-8,
@@ -69,6 +70,7 @@ def main(
     per_fine : elements along the 20 mm around the site
     coarse : largest length of the other elements, m
     n1, n2 : anti-oscillators in case 1 and 2
+    reference_modes : of the beam that is struck
     solid : take the 3-D part too
     check : repeat each run with another integrator
     step : of the time integration in case 1, s
@@ -80,7 +82,7 @@ def main(
         exact = (pinned_free if case == "case 1" else pinned_pinned)(beam, x * LENGTH)
         started = time.process_time()
         model = exact.anti_oscillators(n)
-        force = corrected(exact, 150)  # a closed form may well afford its own limit
+        force = corrected(exact, reference_modes)  # a closed form may well afford its own limit
         result[case]["beam"] = _row(case, model, 0, started, check, step, force)
         for dim in dimensions:
             started = time.process_time()

@@ -36,9 +36,10 @@ def case2(demos) -> dict[str, Any]:
     return demos["case2"].main(
         velocities=(0.01, 1.0),
         counts=(4, 6, 9, 12, 15, 20, 30),
-        duration=3e-3,
+        duration=2.5e-3,
         sweep=(4e9,),
         fe_counts=(5, 9, 20),
+        reference_modes=80,
     )
 
 
@@ -99,7 +100,9 @@ def test_two_integrators_agree_on_the_forces_of_case2(case2):
 
 def test_plane_and_solid_parts_are_the_beam(demos):
     """Stiffness, mass, antiresonance and, where the contact is calm, the force."""
-    parts = demos["parts"].main(across=3, coarse=16e-3, n1=20, n2=12, check=False, step=2e-6)
+    parts = demos["parts"].main(
+        across=3, coarse=24e-3, n1=12, n2=12, reference_modes=60, check=False, step=2e-6
+    )
     for beam, plane, solid in (case.values() for case in parts.values()):
         for part in (plane, solid):
             assert part.half_period == pytest.approx(beam.half_period, rel=2e-3)
@@ -114,7 +117,7 @@ def test_plane_and_solid_parts_are_the_beam(demos):
 def test_figures_and_page(demos, case1, case2, tmp_path):
     """Every figure the page shows is drawn, and the page is written whole."""
     drawn = demos["case1"].figures(case1, tmp_path) + demos["case2"].figures(case2, tmp_path)
-    assert all(path.stat().st_size > 3000 for path in drawn)
+    assert all(path.stat().st_size > 1000 for path in drawn)
     article = demos["article"]
     sections = article.first_case(case1) + article.second_case(case2)
     shown = {part.split(")")[0] for part in sections.split("pictures/")[1:]}
