@@ -29,7 +29,6 @@ BEAM = {
     "contact": {"kind": "Hertz", "stiffness": 5e8},
     "simulate": {"duration": 2e-3},
 }
-SWEPT = [0.5, 1.0, 2.0]
 #: A ball on the eye of the bracket.
 BRACKET = {
     "geometry": {"source": "bracket.msh", "unit": "m", "order": 1},
