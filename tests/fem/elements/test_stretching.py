@@ -114,10 +114,10 @@ SLOW = {"laminate", "folded", "solid"}
 
 @functools.cache
 def struck(case):
-    """A part, its site, motion (161, dofs), times, forces and deflections of all its dofs."""
+    """A part, its site, motion (113, dofs), times, forces and deflections of all its dofs."""
     part, site = IMPACTS[case]()
     full = Full(part, site)
-    found = full.impact(*BLOWS[case], 160)
+    found = full.impact(*BLOWS[case], 112)
     return part, site, full.motion, *found
 
 
