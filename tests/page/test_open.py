@@ -353,8 +353,10 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
         assert first["rows"] <= 8
         assert first["cautions"] <= 3
         assert len(re.findall(r"[^\W\d_]\w+", browser.run(WORDS))) <= 120
+        browser.run("bench.edit({ set: { 'simulate.duration': 2e-4, 'extract.n': 8 } })")
+        short = edited_once(browser, first)
         browser.run(CLICK, [0.045, 0.02, 0.015], False)
-        clicked = edited_once(browser, first)
+        clicked = edited_once(browser, short)
         assert clicked["scene"]["sites"]["point"] == pytest.approx([0.045, 0.02, 0.015], abs=5e-4)
         assert clicked["scene"]["sites"]["direction"] == pytest.approx([0, 0, -1], abs=1e-6)
         browser.run(CLICK, [0.03, 0.0, 0.007], True)  # holds a side
@@ -364,7 +366,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
         turned = edited_once(browser, held)
         assert turned["scene"]["sites"]["direction"] != held["scene"]["sites"]["direction"]
         browser.run("document.getElementById('undo').click()")
-        undone = reached(browser, 4)  # of the set-ups before, none was waited for
+        undone = reached(browser, 5)  # of the set-ups before, none was waited for
         assert undone["scene"] == held["scene"]
         assert undone["cards"] != first["cards"]
 
@@ -377,8 +379,9 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
         browser.run("delete document.documentElement.dataset.failed")
         assert browser.run(READ)["scene"] == held["scene"]
         browser.run(typed + "one.dispatchEvent(new Event('change'))", "8")
-        faster = reached(browser, 5)
-        assert faster["scene"]["impactor"]["radius"] == 0.008
+        larger = reached(browser, 6)
+        assert larger["scene"]["impactor"]["radius"] == 0.008
+        assert larger["cards"] != undone["cards"]
 
         browser.resize(1300)
         browser.run("save.click()")
@@ -396,8 +399,8 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
 
         browser.address(command, 1300)  # the scene is the server's: a reload keeps it
         browser.run(STILL)
-        again = reached(browser, 5)
-        assert again["scene"] == faster["scene"]
+        again = reached(browser, 6)
+        assert again["scene"] == larger["scene"]
         browser.run("document.getElementById('most-sites').value = 5")
         browser.run("document.getElementById('map').click()")
         for _ in range(1200):
