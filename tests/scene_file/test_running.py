@@ -467,7 +467,7 @@ def test_probes_of_a_strike_are_those_of_its_last_mesh(tmp_path, capsys):
 SHEET = """\
 [geometry]
 source = "sheet.geo"
-size = 0.04
+size = 0.06
 gdim = 3
 [material]
 kind = "Shell"
