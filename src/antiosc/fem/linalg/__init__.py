@@ -1,1 +1,28 @@
 """Solvers of symmetric positive definite matrices of SciPy and of PETSc."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from antiosc.base._types import Array, Matrix, SolverChoice
+from antiosc.fem.linalg.algebra import is_scipy
+from antiosc.fem.linalg.solver import Solver, SuperLU
+
+
+def solver_for(
+    A: Matrix,
+    choice: SolverChoice,
+    motions: Callable[[], Array],
+    prolongation: Callable[[], Matrix | None] = lambda: None,
+    columns: float = 1.0,
+) -> Solver:
+    """The solver of A named by `choice`.
+
+    `motions`, `prolongation`: as in `Levels`, for multigrid; `columns`: number of loads in one
+    call, where inf requires a direct factor.
+    """
+    if is_scipy(A):
+        return SuperLU(A)
+    from antiosc.fem.linalg import iterative, solver_choice  # need PETSc
+
+    return solver_choice.solver_for(A, choice, iterative.Levels(motions, prolongation), columns)

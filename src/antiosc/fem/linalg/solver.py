@@ -13,7 +13,7 @@ import logging
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import get_args
@@ -328,22 +328,3 @@ class SuperLU(Factorization):
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k)."""
         return np.asarray(self._lu.solve(np.asfortranarray(R)))
-
-
-def solver_for(
-    A: Matrix,
-    choice: SolverChoice,
-    motions: Callable[[], Array],
-    prolongation: Callable[[], Matrix | None] = lambda: None,
-    columns: float = 1.0,
-) -> Solver:
-    """The solver of A named by `choice`.
-
-    `motions`, `prolongation`: as in `Levels`, for multigrid; `columns`: number of loads in one
-    call, where inf requires a direct factor.
-    """
-    if algebra.is_scipy(A):
-        return SuperLU(A)
-    from antiosc.fem.linalg import iterative, solver_choice  # need PETSc
-
-    return solver_choice.solver_for(A, choice, iterative.Levels(motions, prolongation), columns)

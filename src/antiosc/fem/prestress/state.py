@@ -37,9 +37,10 @@ from antiosc.fem.elements.second_order import second_order_strain, tangential_sl
 from antiosc.fem.elements.shell import frames, section_fields
 from antiosc.fem.elements.solid import depth_of
 from antiosc.fem.elements.weak_form import Parts, axes_and_sides, coefficient, measure
+from antiosc.fem.linalg import solver_for
 from antiosc.fem.linalg.algebra import diagonal, dot, free_when_dropped, multiply, sum_of
 from antiosc.fem.linalg.petsc_algebra import use_inverse
-from antiosc.fem.linalg.solver import Solver, solver_for
+from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import largest_entities, owned_entities, quadrature
 from antiosc.fem.platform import compat

@@ -19,7 +19,7 @@ from antiosc.base._types import Array, Box, IntArray, Matrix, SolverChoice
 from antiosc.base.checks import Checked, checked_by, coordinates, floats, number, shown
 from antiosc.base.errors import AccuracyError, AntioscError, InputError, NotConvergedError
 from antiosc.engine.damping import DampingMatrix, from_factors
-from antiosc.fem.linalg import algebra
+from antiosc.fem.linalg import algebra, solver_for
 from antiosc.fem.linalg.algebra import (
     communicator,
     diagonal_roots,
@@ -33,7 +33,7 @@ from antiosc.fem.linalg.algebra import (
     typical_eigenvalue,
     uses_strains,
 )
-from antiosc.fem.linalg.solver import Solver, solver_for
+from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.prestress import Preload
 from antiosc.io.matrices import DofMap
 from antiosc.models.motion import Inertia
