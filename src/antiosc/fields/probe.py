@@ -239,7 +239,7 @@ def probed_point(
     if not structure.matrices.meshed:
         source(structure).at_point(structure, np.zeros((structure.rows, 1)), x, part, reach)
         return None
-    from antiosc.fem.structure.loads import places_at  # needs dolfinx
+    from antiosc.fem.structure.place import places_at  # needs dolfinx
 
     (place,) = places_at(with_parts(structure).members(part), x[None])
     reach.check_at(x, place)

@@ -26,8 +26,8 @@ from antiosc.fem.elements.weak_form import Material
 from antiosc.fem.mesh.surface import kind_of_cells, volume_and_surface
 from antiosc.fem.platform import compat, done_on_all
 from antiosc.fem.prestress.state import initial_strain
-from antiosc.fem.structure.loads import places_at
 from antiosc.fem.structure.meshed import Member, MeshedStructure, beams_alone
+from antiosc.fem.structure.place import places_at
 from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.recovery.place import (
     NO_OUTLINE_REASON,

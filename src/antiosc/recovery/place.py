@@ -18,7 +18,7 @@ from antiosc.base.stresses import Strengths, TensileStrength
 from antiosc.fem.elements import Layer, Section
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure.loads import Place as PartPlace
+    from antiosc.fem.structure.place import Place as PartPlace
 
 #: Without a length a point is moved by at most this share of the part's size, or by one element.
 SNAP_SHARE = 0.02

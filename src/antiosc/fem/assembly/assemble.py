@@ -55,8 +55,9 @@ from antiosc.fem.mesh.surface import largest_entities as largest_piece
 from antiosc.fem.platform import collective
 from antiosc.fem.structure import TURN, Placement, in_space
 from antiosc.fem.structure.attachments import Attachment, ElasticTerm, attachments_of, terms_of
-from antiosc.fem.structure.loads import PointMotion, places_at
+from antiosc.fem.structure.loads import PointMotion
 from antiosc.fem.structure.meshed import Member
+from antiosc.fem.structure.place import places_at
 from antiosc.fem.structure.structure import Structure, structure_with
 from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.matrices import COMPONENTS, DISPLACEMENTS, ROTATIONS

@@ -26,14 +26,13 @@ from antiosc.fem.structure import in_space, skew
 from antiosc.fem.structure.attachments import ElasticTerm
 from antiosc.fem.structure.loads import (
     SNAP_SHARE,
-    Place,
     PointMotion,
     component_projection,
     motion_at,
-    places_at,
     stacked_rows,
 )
 from antiosc.fem.structure.meshed import Member
+from antiosc.fem.structure.place import Place, places_at
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 
 #: Fraction of the largest second moment of a group below which it does not tell a rotation.

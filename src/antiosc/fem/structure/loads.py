@@ -1,4 +1,4 @@
-"""Points of parts: their places, their motions, and loads Σ w φ(X)·d there with directions d.
+"""Loads at points: Σ w φ(X)·d of points X with directions d.
 
 A load b is a column of forces on the dofs, and bᵀu the displacement where it acts: a row of the
 motion of that place.
@@ -6,10 +6,10 @@ motion of that place.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import scipy.linalg
@@ -18,13 +18,10 @@ from mpi4py import MPI
 
 from antiosc.base._types import Array, IntArray
 from antiosc.fem.elements.weak_form import WeakForm
-from antiosc.fem.mesh.surface import ClosestPoint, size_at
+from antiosc.fem.mesh.surface import ClosestPoint
 from antiosc.fem.platform import compat
 from antiosc.fem.structure import Placement, skew
 from antiosc.io.matrices import COMPONENTS
-
-if TYPE_CHECKING:
-    from antiosc.fem.structure.meshed import Member
 
 Sparse: TypeAlias = scipy.sparse.csr_matrix
 
@@ -36,9 +33,6 @@ SNAP_SHARE = 1e-3
 ROUNDED_VALUE = 1e-13
 #: Fraction of a direction that may be missing in what a point has of it: rounding.
 MISSING_SHARE = 1e-6
-#: Parts count as equally near if their distances differ by less than this share of the largest
-#: part's size.
-EQUAL_DISTANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,66 +175,3 @@ def motion_at(comm: MPI.Comm, form: WeakForm, at: ClosestPoint) -> PointMotion:
     six.data[np.abs(six.data) < ROUNDED_VALUE] = 0.0
     six.eliminate_zeros()
     return PointMotion(six, component_projection(form), at.x)
-
-
-@dataclass(frozen=True, eq=False)
-class Place:
-    """A point of a part and the direction (3,) of an impact there, in the axes of the part."""
-
-    member: Member
-    nearest: ClosestPoint  # its cell, and the point there nearest to the given one
-    direction: Array  # zero: none is given
-
-    @property
-    def point(self) -> Array:
-        """Coordinates (3,) in the axes of the part [m]."""
-        return self.nearest.x
-
-    @property
-    def placed(self) -> Array:
-        """Coordinates (3,) in the axes of the structure [m]."""
-        return self.member.at.placed(self.point[None])[0]
-
-    @property
-    def cell_size(self) -> float:
-        """Largest distance [m] between corners of the cell."""
-        return size_at(self.member.part.mesh, self.nearest)
-
-    @property
-    def material(self) -> Any:
-        """The material of the cell."""
-        return self.member.part.material_at(self.nearest)
-
-
-def places_at(
-    parts: Iterable[Member], points: Array, directions: Array | None = None
-) -> list[Place]:
-    """The place of any part nearest to each of the points (P, 3) [m].
-
-    Where parts touch, it is that whose surface faces the impact, along `directions` (P, 3).
-    """
-    members = list(parts)
-    nearest = [member.closest(points) for member in members]
-    distance = np.array([found.distance for found in nearest])
-    size = max(member.part.mesh.extent() for member in members)
-    is_near = distance <= distance.min(axis=0) + EQUAL_DISTANCE * size
-
-    places = []
-    for k, direction in enumerate(np.zeros_like(points) if directions is None else directions):
-        near = [
-            Place(member, found[k], direction @ member.at.rotation)
-            for member, found, one in zip(members, nearest, is_near[:, k], strict=True)
-            if one
-        ]
-        places.append(near[0] if len(near) == 1 else min(near, key=_facing_cosine))
-
-    return places
-
-
-def _facing_cosine(place: Place) -> float:
-    """Cosine between impact and outward normal; 0 without an outside or a direction."""
-    part = place.member.part
-    if not part.kind.outside or not place.direction.any():
-        return 0.0
-    contact = part.surface_below(place.point[None], place.direction[None], np.full(1, np.nan))
-    return float(contact.normals[0] @ place.direction)

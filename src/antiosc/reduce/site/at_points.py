@@ -28,8 +28,9 @@ from antiosc.fem.mesh.surface import (
 )
 from antiosc.fem.platform import warn
 from antiosc.fem.structure import in_space
-from antiosc.fem.structure.loads import Place, PointMotion, loads, places_at
+from antiosc.fem.structure.loads import PointMotion, loads
 from antiosc.fem.structure.meshed import Member, MeshedStructure, PartsMatrices
+from antiosc.fem.structure.place import Place, places_at
 from antiosc.fem.structure.support import Support, fixed_dofs
 from antiosc.recovery.place import Reach
 from antiosc.reduce.site.site import (

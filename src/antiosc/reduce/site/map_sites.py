@@ -17,8 +17,8 @@ from antiosc.base.errors import InputError
 from antiosc.fem.assembly.assembled import group_of
 from antiosc.fem.mesh.surface import SurfaceAtSites
 from antiosc.fem.structure import in_space
-from antiosc.fem.structure.loads import places_at
 from antiosc.fem.structure.meshed import Member, MeshedStructure, PartsMatrices
+from antiosc.fem.structure.place import places_at
 from antiosc.reduce.site.at_points import STRUCTURE_TOLERANCE, places_of
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site
 from antiosc.reduce.site.sites import (

@@ -33,7 +33,8 @@ from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS, component_number
 
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
-    from antiosc.fem.structure.loads import Place, PointMotion
+    from antiosc.fem.structure.loads import PointMotion
+    from antiosc.fem.structure.place import Place
 
 
 #: The supports fix a site if less than this share of its load is on free dofs.

@@ -36,8 +36,8 @@ from antiosc.fem.elements.shell import Laminate
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces, clamped, projected
 from antiosc.fem.structure import in_space
-from antiosc.fem.structure.loads import Place, places_at
 from antiosc.fem.structure.meshed import PartsMatrices
+from antiosc.fem.structure.place import Place, places_at
 from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.io.neutral import connected_pieces
 from antiosc.models.body import Body
