@@ -57,9 +57,8 @@ def main(
     first = np.full(len(ZONES), thickness)
     uniform, areas = part(first), np.array(list(ZONES.values()))
     hit = ao.simulate(*build(first), tol=1e-5)
-    g = ao.gradient(hit, "peak_force", part=uniform, error="estimate")
-    for zone in ZONES:
-        slope, bar = (1e-3 * each.thickness[zone] for each in (g, g.error))
+    g = ao.gradient(hit, "peak_force", part=part, x=first, error="estimate")
+    for zone, slope, bar in zip(ZONES, 1e-3 * g.x, 1e-3 * g.error.x, strict=True):
         print(f"{zone:6}: {slope:+8.1f} N per mm, bar {bar:.1f} N")
     found = ao.design_map(uniform, hit, "peak_force")
     out.mkdir(parents=True, exist_ok=True)

@@ -59,7 +59,7 @@ def test_what_an_ended_process_left_is_compiled_again(place, monkeypatch, lost):
     made = library(place)
     kept = {path for path in place.glob("*.so") if "elements" in path.name}
     next(place.glob(lost)).unlink()
-    compiled_forms._cleared.clear()
+    compiled_forms._cleared_folders.clear()
     assert length() == pytest.approx(2.0)
     assert library(place) == made
     assert len(list(place.glob("*forms*.cached"))) == 1
