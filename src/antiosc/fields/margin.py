@@ -21,13 +21,7 @@ from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.stresses import Strengths, TensileStrength
-from antiosc.base.texts import (
-    CELL_ARGUMENTS,
-    ReprMixin,
-    capitalised,
-    engineering,
-    point_text,
-)
+from antiosc.base.texts import CELL_ARGUMENTS, ReprMixin, capitalised, engineering, point_text
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories.verdict import PLASTIC_ZONE_RADII, ContactZone
 from antiosc.io.isolation import Refinement

@@ -32,12 +32,7 @@ from antiosc.fem.platform import collective
 from antiosc.fem.prestress import Prestress
 from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.fields import margin
-from antiosc.fields.fields import (
-    outer_faces,
-    shapes_of,
-    tensors_at_nodes,
-    without_unused_nodes,
-)
+from antiosc.fields.fields import outer_faces, shapes_of, tensors_at_nodes, without_unused_nodes
 from antiosc.fields.margin import ExcludedZones, Margin, NodalExposures
 from antiosc.fields.maxima import MaximumSearch, ScalarFunction, search_at_times, search_of
 from antiosc.impact.histories import History

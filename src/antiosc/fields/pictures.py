@@ -91,9 +91,7 @@ MAP_QUANTITIES = {
 
 
 def plot_map(
-    impact_map: Any,
-    path: str | os.PathLike[str] | None = None,
-    quantity: str = "peak_force",
+    impact_map: Any, path: str | os.PathLike[str] | None = None, quantity: str = "peak_force"
 ) -> Figure | Path:
     """One quantity of an impact map over the surface of the part.
 
@@ -226,11 +224,7 @@ def plot_deformed(
 
 
 def deformed_surface(
-    structure: Structure,
-    history: History,
-    time: float | None,
-    body: str,
-    field: str | None = None,
+    structure: Structure, history: History, time: float | None, body: str, field: str | None = None
 ) -> DeformedSurface:
     """The surface of a part at a time, for pictures; arguments as for `plot_deformed`."""
     checks.instance("structure", structure, Structure, "a Structure")

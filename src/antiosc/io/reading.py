@@ -402,11 +402,7 @@ def read_outline(path: Path, **options: Any) -> FileMesh:
 
 
 def file_content(
-    path: Path,
-    timeout: float | None,
-    unit: UnitSystem | None,
-    merge: float | None,
-    **options: Any,
+    path: Path, timeout: float | None, unit: UnitSystem | None, merge: float | None, **options: Any
 ) -> FileMesh:
     """A file's content [m], nodes within `merge` [m] merged; `options`: fields of `Request`."""
     name, suffix = path.name, path.suffix.lower()

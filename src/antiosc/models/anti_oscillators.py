@@ -47,12 +47,7 @@ from antiosc.models import parameters, reduced_modes
 from antiosc.models.body import ModelInfo, several_sites_message
 from antiosc.models.modal import Damping, ModalBody, SiteModes
 from antiosc.models.motion import Inertia
-from antiosc.models.parameters import (
-    Parameters,
-    checked_parameters,
-    sorted_damping,
-    with_sums,
-)
+from antiosc.models.parameters import Parameters, checked_parameters, sorted_damping, with_sums
 from antiosc.models.stretch import Stretch
 
 if TYPE_CHECKING:
@@ -579,9 +574,7 @@ class AntiOscillators(ReprMixin, Parameters):
         return reduced_modes.free_modes(self)
 
     def to_matrices(
-        self,
-        nodes: int | Sequence[int] | None = None,
-        dofs: int | str | Sequence[int | str] = 0,
+        self, nodes: int | Sequence[int] | None = None, dofs: int | str | Sequence[int | str] = 0
     ) -> ReducedMatrices:
         """K and M of the undamped model, the dofs of the sites first: a superelement.
 

@@ -431,11 +431,7 @@ def sorted_damping(model: Parameters, damping: DampingMatrix, omega: ArrayLike) 
         return damping
 
     rows = np.concatenate(
-        (
-            np.arange(n_sites),
-            n_sites + order,
-            np.arange(n_sites + order.size, size),
-        )
+        (np.arange(n_sites), n_sites + order, np.arange(n_sites + order.size, size))
     )
 
     return in_coordinates(damping, np.eye(size)[:, rows])

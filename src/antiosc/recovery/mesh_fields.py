@@ -46,11 +46,7 @@ POINTS_AT_ONCE = 4096
 
 
 def tensors_of_part(
-    part: MeshedStructure,
-    shapes: Array,
-    quantity: str,
-    place: Place,
-    materials: Sequence[int],
+    part: MeshedStructure, shapes: Array, quantity: str, place: Place, materials: Sequence[int]
 ) -> tuple[IntArray, IntArray, Array]:
     """(nodes (S,), materials (S,), components (S, 6, columns)) of tensors of a part on this rank.
 

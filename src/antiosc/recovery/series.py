@@ -13,10 +13,7 @@ from antiosc.base.errors import InputError, MissingDependencyError
 
 
 def write_vtu(
-    path: Path,
-    points: Array,
-    cells: Sequence[tuple[str, IntArray]],
-    fields: Mapping[str, Array],
+    path: Path, points: Array, cells: Sequence[tuple[str, IntArray]], fields: Mapping[str, Array]
 ) -> None:
     """Write fields (n,) or (n, 3) at `points` (n, 3) [m] to one file; cells are in VTK's order."""
     try:

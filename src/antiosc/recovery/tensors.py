@@ -582,11 +582,7 @@ QUANTITIES: dict[str, dict[str, Callable[..., Array]]] = {
         "beam": beam_stress,
         "sheet": partial(sheet_tensors, of_stress=True),
     },
-    "rotation": {
-        "solid": solid_rotation,
-        "beam": rotation,
-        "sheet": rotation,
-    },
+    "rotation": {"solid": solid_rotation, "beam": rotation, "sheet": rotation},
     "section_forces": {
         "truss": truss_section_forces,
         "beam": beam_section_forces,

@@ -11,15 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, overload
 import numpy as np
 
 from antiosc.base import checks, process
-from antiosc.base.checks import (
-    choice,
-    flag,
-    instance,
-    positive,
-    tolerance,
-    whole,
-    within_range,
-)
+from antiosc.base.checks import choice, flag, instance, positive, tolerance, whole, within_range
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
 from antiosc.base.process import one_thread
 from antiosc.base.texts import engineering
@@ -123,11 +115,7 @@ def _model_at(
         expansion=options.expansion,
         no_estimate=None if errors is None else errors.skipped or None,
         surfaces=around,
-        seconds={
-            **structure.seconds,
-            "site": spent,
-            "modes": time.perf_counter() - start_time,
-        },
+        seconds={**structure.seconds, "site": spent, "modes": time.perf_counter() - start_time},
     )
 
     if band is not None and remainder is not None:

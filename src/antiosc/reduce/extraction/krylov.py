@@ -324,13 +324,7 @@ def by_krylov(
 
 
 def _kept_count(
-    run: Lanczos,
-    before: int,
-    n: int,
-    tol: float,
-    band: float | None,
-    accuracy: float,
-    damped: bool,
+    run: Lanczos, before: int, n: int, tol: float, band: float | None, accuracy: float, damped: bool
 ) -> int | None:
     """Number of vectors for the model, None: continue. `before`: that before the last block."""
     if damped:  # also vectors that move dampers but no site

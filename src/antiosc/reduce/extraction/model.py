@@ -252,10 +252,7 @@ def by_modes(structure: Structure, static: SiteShapes, n: int, tol: float) -> Mo
 
 
 def error_bound(
-    known: ConstraintModes,
-    remainder: Remainder,
-    selected: Selection,
-    band: float,
+    known: ConstraintModes, remainder: Remainder, selected: Selection, band: float
 ) -> tuple[float, float]:
     """(bound on ‖HZ_true - 1‖₂ and its inverse, lowest frequency [rad/s]) up to `band` [rad/s]."""
     static = known.static
@@ -360,11 +357,7 @@ def _thickness_at(sites: Sites, least: float | None) -> float | None:
 
 
 def model_of(
-    structure: Structure,
-    sites: Sites,
-    static: SiteShapes,
-    selected: Selection,
-    info: ModelInfo,
+    structure: Structure, sites: Sites, static: SiteShapes, selected: Selection, info: ModelInfo
 ) -> AntiOscillators:
     """The model of p ≥ 1 sites; it takes the shapes of `selected` and changes them in place."""
     found = list(sites.values())

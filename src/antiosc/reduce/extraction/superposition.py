@@ -299,10 +299,7 @@ def superposition(
 @within_range
 @one_thread()
 def full(
-    structure: Structure,
-    site: Site,
-    *,
-    damping: float | Sequence[float] | Damping | None = None,
+    structure: Structure, site: Site, *, damping: float | Sequence[float] | Damping | None = None
 ) -> NaturalModes:
     """The unreduced model: all natural modes; dofs without mass give a residual compliance.
 

@@ -20,12 +20,7 @@ from antiosc.fem.assembly.assembled import AssembledMatrices, group_of, point_on
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import dot, multiply, norm
-from antiosc.fem.mesh.surface import (
-    ClosestPoint,
-    ClosestPoints,
-    corners_at,
-    struck_point,
-)
+from antiosc.fem.mesh.surface import ClosestPoint, ClosestPoints, corners_at, struck_point
 from antiosc.fem.platform import warn
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.loads import PointMotion, loads

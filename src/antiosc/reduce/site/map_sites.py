@@ -21,12 +21,7 @@ from antiosc.fem.structure.meshed import Member, MeshedStructure, PartsMatrices
 from antiosc.fem.structure.place import places_at
 from antiosc.reduce.site.at_points import STRUCTURE_TOLERANCE, places_of
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site
-from antiosc.reduce.site.sites import (
-    MOST_RINGS_OF_MAP,
-    Sites,
-    located_sites,
-    warn_of_doubts,
-)
+from antiosc.reduce.site.sites import MOST_RINGS_OF_MAP, Sites, located_sites, warn_of_doubts
 
 #: Radius of a patch that facets resolve over their size.
 RESOLVED_RATIO = 1.05

@@ -13,16 +13,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.checks import (
-    flag,
-    floats,
-    is_rigid,
-    positive,
-    read_only,
-    store,
-    text,
-    whole,
-)
+from antiosc.base.checks import flag, floats, is_rigid, positive, read_only, store, text, whole
 from antiosc.base.errors import InputError, SiteError
 from antiosc.base.texts import FieldsRepr
 from antiosc.fem.linalg import algebra

@@ -17,13 +17,7 @@ import scipy.sparse
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.progress import counting
-from antiosc.base.texts import (
-    CELL_ARGUMENTS,
-    engineering,
-    percent,
-    rounded_down,
-    rounded_up,
-)
+from antiosc.base.texts import CELL_ARGUMENTS, engineering, percent, rounded_down, rounded_up
 from antiosc.fem.mesh.surface import (
     ClosestPoints,
     Faces,
