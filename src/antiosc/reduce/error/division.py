@@ -27,7 +27,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from math import exp
 from pathlib import Path
 from weakref import WeakKeyDictionary
@@ -197,10 +197,8 @@ def lacking_energies(stiffness: Array, flexibility: Array) -> tuple[Array, Array
     relative = inverse_size[:, None] * (flexibility - stiffness) * inverse_size
     values, vectors = np.linalg.eigh((relative + relative.T) / 2)
     vectors = size[:, None] * vectors
-    lack, surplus = (
-        (vectors * part) @ vectors.T for part in (np.maximum(values, 0), np.minimum(values, 0))
-    )
-
+    lack = (vectors * np.maximum(values, 0)) @ vectors.T
+    surplus = (vectors * np.minimum(values, 0)) @ vectors.T
     return lack, surplus
 
 
@@ -283,22 +281,15 @@ class MeshSource(ABC):
 
 def mesh_source(source: str | Path | Mesh, order: int = 2) -> MeshSource:
     """The source of meshes for a file or a mesh; `order`: of the cells that a geometry gets."""
-    if isinstance(source, Mesh):
-        if source.tdim == 1:
-            return LineMeshes(source)
-        return GivenMesh(source)
-
-    path = Path(source)
-    if path.suffix.lower() in GEOMETRY_ENDINGS:
+    path = None if isinstance(source, Mesh) else Path(source)
+    if path is not None and path.suffix.lower() in GEOMETRY_ENDINGS:
         geometry = GeometryMeshes(path, order)
         if geometry.coarsest.tdim == 1:
             return LineMeshes(geometry.coarsest, path)
         return geometry
 
-    mesh = read_mesh(path)
-    if mesh.tdim == 1:
-        return LineMeshes(mesh)
-    return GivenMesh(mesh)
+    mesh = source if isinstance(source, Mesh) else read_mesh(Path(source))
+    return LineMeshes(mesh) if mesh.tdim == 1 else GivenMesh(mesh)
 
 
 class GivenMesh(MeshSource):
@@ -350,9 +341,8 @@ class GeometryMeshes(MeshSource):
         coarse = self.coarsest
         self._refine = refine
         share = {2: 4 / 3**0.5, 3: 6 * 2**0.5}[coarse.tdim]
-        coarsest_size = (share * volume_and_surface(coarse)[0] / MOST_FIRST_CELLS) ** (
-            1 / coarse.tdim
-        )
+        of_cell = share * volume_and_surface(coarse)[0] / MOST_FIRST_CELLS
+        coarsest_size = of_cell ** (1 / coarse.tdim)
         size_field = wished_sizes(coarse, max(size, coarsest_size) / edge_lengths(coarse))
 
         return self._meshed(coarse, size_field, FIRST_GRADING)
@@ -362,9 +352,8 @@ class GeometryMeshes(MeshSource):
         cell_goal = mesh.comm.allreduce(float(np.sum(ratio ** -float(mesh.tdim))))
         size_field = wished_sizes(mesh, ratio)
         if size_field is not None:
-            sizes = np.array(size_field.sizes) * (size_field.expected() / cell_goal) ** (
-                1 / mesh.tdim
-            )
+            growth = (size_field.expected() / cell_goal) ** (1 / mesh.tdim)
+            sizes = np.array(size_field.sizes) * growth
             size_field = replace(size_field, sizes=sizes.tolist())
 
         return self._meshed(mesh, size_field, LATER_GRADING)
@@ -391,15 +380,8 @@ class GeometryMeshes(MeshSource):
             return sound(flattened(raw, gdim, self._path.name), self._path.name, True)
 
         def work() -> RawMesh:
-            return read(
-                self._path,
-                UNLIMITED_SIZE,
-                order,
-                refine,
-                sizes=wished,
-                grading=grading,
-                sound=checked,
-            )
+            graded = partial(read, sizes=wished, grading=grading, sound=checked)
+            return graded(self._path, UNLIMITED_SIZE, order, refine)
 
         return on_root(MPI.COMM_WORLD, work)
 

@@ -158,9 +158,8 @@ class Strains:
         self.mesh = mesh
         self.components = len(STRAIN_INDICES[mesh.gdim])
         by_products = form.degree > 1 and not mesh.geometry.simplex
-        self.X, weights = compat.quadrature(
-            mesh.cell, PRODUCT_DEGREE if by_products else RULE_DEGREE
-        )
+        degree = PRODUCT_DEGREE if by_products else RULE_DEGREE
+        self.X, weights = compat.quadrature(mesh.cell, degree)
         owned = compat.cell_index_map(mesh.dolfinx).size_local
         slopes = mesh.geometry.slopes(self.X)[: 1 if mesh.geometry.affine else None]
         J = np.swapaxes(mesh.geometry.nodes[:owned, :, : mesh.gdim], 1, 2)[:, None] @ slopes
@@ -185,12 +184,8 @@ class Strains:
 
         # derivatives ∂u_i/∂x_j as [i] (cells, points, j, k)
         slopes = slopes.reshape(len(cells), -1, slopes.shape[-1])
-        gradients = [
-            (slopes @ self._values[of_component]).reshape(
-                len(cells), len(self.X), self.mesh.gdim, -1
-            )
-            for of_component in dofs
-        ]
+        shape = len(cells), len(self.X), self.mesh.gdim, -1
+        gradients = [(slopes @ self._values[of_axis]).reshape(shape) for of_axis in dofs]
         strains = [
             gradients[i][:, :, j] + (gradients[j][:, :, i] if i != j else 0.0)
             for i, j in STRAIN_INDICES[self.mesh.gdim]
@@ -386,12 +381,9 @@ def flat_cells_note(part: MeshedStructure) -> str:
     mesh = part.mesh
     if mesh.order > 1:
         return ""
-    dim = mesh.tdim - 1 if part.kind.outside else mesh.tdim
-    entities = (
-        compat.exterior_facets(mesh.dolfinx)
-        if part.kind.outside
-        else np.arange(compat.cell_index_map(mesh.dolfinx).size_local)
-    )
+    dim, entities = mesh.tdim, np.arange(compat.cell_index_map(mesh.dolfinx).size_local)
+    if part.kind.outside:
+        dim, entities = mesh.tdim - 1, compat.exterior_facets(mesh.dolfinx)
     angles = _angles(mesh.dolfinx.geometry.x, compat.entity_vertices(mesh.dolfinx, dim)[entities])
     small = angles[(angles > SMOOTH_ANGLES[0]) & (angles < SMOOTH_ANGLES[1])]
     largest = max(mesh.comm.allgather(float(small.max(initial=0.0))))

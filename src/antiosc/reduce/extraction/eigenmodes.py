@@ -17,6 +17,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -260,9 +261,8 @@ class ModeSolver:
         omega = np.concatenate([found_modes.omega, np.sqrt(np.maximum(values, 0.0))])
 
         # the solve amplifies the rigid-body modes in their rounding
-        vectors = vectors - self._rigid @ dot(
-            structure.comm, multiply(structure.M, self._rigid), vectors
-        )
+        rigid_shares = dot(structure.comm, multiply(structure.M, self._rigid), vectors)
+        vectors = vectors - self._rigid @ rigid_shares
         phi = _normalised(structure, np.column_stack([found_modes.phi, vectors]))
         order = np.argsort(omega, kind="stable")[:count]
         complete = len(omega) >= self.limit or not massive.all()
@@ -297,12 +297,7 @@ class ModeSolver:
         K, M = (gathered(matrix, 0) for matrix in (structure.K, structure.M))
         sigma = float(np.sqrt(self._lowest() * typical_eigenvalue(structure.K, structure.M)))
 
-        def all_modes() -> tuple[Array, Array]:
-            """(ω, shapes) of all modes from the gathered matrices, on one rank."""
-            free, rows = (np.concatenate(part) for part in zip(*parts, strict=True))
-            return _dense_modes(K, M, free, rows, sigma)
-
-        omega, phi = on_root(comm, all_modes)
+        omega, phi = on_root(comm, partial(_dense_modes, K, M, parts, sigma))
         phi = phi[first : first + self._rows]
         return _polished(structure, Modes(omega, _normalised(structure, phi), True))
 
@@ -312,17 +307,19 @@ class ModeSolver:
         x = np.random.default_rng(structure.comm.rank).standard_normal(self._rows)
         for _ in range(4):
             x = structure.factorize().solve(multiply(structure.M, x / norm(structure.comm, x)))
-        return (
-            float(dot(structure.comm, x, multiply(structure.K, x)))
-            / float(dot(structure.comm, x, multiply(structure.M, x)))
-            + structure.shift
-        )
+        K, M = structure.K, structure.M
+        strain, mass = (float(dot(structure.comm, x, multiply(matrix, x))) for matrix in (K, M))
+        return strain / mass + structure.shift
 
 
 def _dense_modes(
-    K: Matrix, M: Matrix, free: IntArray, conditions: Array, sigma: float
+    K: Matrix, M: Matrix, parts: list[tuple[IntArray, Array]], sigma: float
 ) -> tuple[Array, Array]:
-    """(ω ascending, shapes) of all modes on the rows `free` that satisfy `conditions`."""
+    """(ω ascending, shapes) of all modes on free rows that satisfy conditions.
+
+    `parts`: (free rows, conditions on these) of each rank.
+    """
+    free, conditions = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     stiffness, mass = (matrix[free][:, free].toarray() for matrix in (K, M))
     conditions = conditions / np.linalg.norm(conditions, axis=0)
     basis = scipy.linalg.qr(conditions)[0][:, conditions.shape[1] :]
@@ -344,13 +341,11 @@ def residuals(structure: Structure, modes: Modes, sites: SiteShapes | None = Non
     forces = multiply(structure.K, modes.phi)
     residual_forces = forces - multiply(structure.M, modes.phi) * modes.omega**2
     if sites is not None:  # loadᵀΦ = 1 gives the reactions
-        residual_forces = residual_forces - sites.load @ dot(
-            structure.comm, sites.phi, residual_forces
-        )
+        reactions = dot(structure.comm, sites.phi, residual_forces)
+        residual_forces = residual_forces - sites.load @ reactions
 
-    size_of_residual, size = np.split(
-        structure.factorize().force_sizes(np.hstack([residual_forces, forces])), 2
-    )
+    sizes = structure.factorize().force_sizes(np.hstack([residual_forces, forces]))
+    size_of_residual, size = np.split(sizes, 2)
     return np.asarray(size_of_residual / np.maximum(size, np.finfo(float).tiny))
 
 

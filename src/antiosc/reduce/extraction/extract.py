@@ -379,9 +379,8 @@ def _checked_options(
         need = 16.0 * (n + 2) * structure.size
         mesh = getattr(structure, "mesh", None)
         if mesh is not None and mesh.tdim == 2:  # solids have solvers without a factor
-            need = bytes_of_shells(structure.dofs, n) + bytes_of_shells(structure.dofs, 0) * bool(
-                expansion
-            )
+            need = bytes_of_shells(structure.dofs, n)
+            need += bytes_of_shells(structure.dofs, 0) * bool(expansion)
         what = f"a model of {structure.dofs} dofs with n = {n} anti-oscillators"
         remedy = "reduce n, or take a coarser mesh"
         on_root(structure.comm, partial(process.require_memory, need, what, remedy))
@@ -405,9 +404,8 @@ def _checked_sites(site: object) -> list[dict[str, Site]]:
                 raise InputError(f"the name of a site is a text without ':'; got {name!r}.")
         groups = [dict(site)]
     else:
-        groups = [
-            {UNNAMED_SITE: one} for one in (site if isinstance(site, list | tuple) else [site])
-        ]
+        several = site if isinstance(site, list | tuple) else [site]
+        groups = [{UNNAMED_SITE: one} for one in several]
 
     for name, one in (item for group in groups for item in group.items()):
         instance("site", one, Site, "a Site(point, direction)")

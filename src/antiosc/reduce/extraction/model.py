@@ -95,9 +95,8 @@ class ConstraintModes:
     def stiffness(self, x: ComplexArray) -> Numbers:
         """Z (W, p, p) at x = ω² (W,), with all computed modes."""
         is_finite = self.poles > 0
-        return stiffness_at_sites(
-            x, self.static.k0, self.m0, self.P[is_finite], self.poles[is_finite]
-        )
+        P, poles = self.P[is_finite], self.poles[is_finite]
+        return stiffness_at_sites(x, self.static.k0, self.m0, P, poles)
 
 
 def constraint_modes(structure: Structure, static: SiteShapes, modes: Modes) -> ConstraintModes:
@@ -121,24 +120,15 @@ def constraint_modes(structure: Structure, static: SiteShapes, modes: Modes) -> 
         columns = slice(first, first + MODES_AT_ONCE)
         k_phi, m_phi = (multiply(matrix, phi[:, columns]) for matrix in (structure.K, structure.M))
         products = [dot(comm, phi, forces) for forces in (k_phi, m_phi)]
-        parts.append(
-            [*products, _residual_forces(structure, static, modes.omega[columns], k_phi, m_phi)]
-        )
+        left = _residual_forces(structure, static, modes.omega[columns], k_phi, m_phi)
+        parts.append([*products, left])
         del k_phi, m_phi  # before the next ones are made
 
     stiffnesses, masses, residual_forces = (
         np.concatenate(arrays, axis=-1) for arrays in zip(*parts, strict=True)
     )
 
-    return ConstraintModes(
-        static=static,
-        modes=modes,
-        P=P,
-        m0=m0,
-        stiffnesses=stiffnesses,
-        masses=masses,
-        residual_forces=residual_forces,
-    )
+    return ConstraintModes(static, modes, P, m0, residual_forces, stiffnesses, masses)
 
 
 def _residual_forces(
@@ -563,12 +553,10 @@ def checked_modes(
     unit = 1 / np.sqrt(np.maximum(static.mass.diagonal(), np.finfo(float).tiny))
     remaining_mass = (static.mass - known.P.T @ known.P) * unit[:, None] * unit
     equation = {"residual": residual_forces} if method == "modes" else {"projection": projection}
+    overlap = known.masses - np.eye(len(residual_forces))
+    errors = {**equation, "orthogonality": overlap, "constraint": moved}
     measured = {
-        **{name: float(np.abs(value).max(initial=0.0)) for name, value in equation.items()},
-        "orthogonality": float(
-            np.abs(known.masses - np.eye(len(residual_forces))).max(initial=0.0)
-        ),
-        "constraint": float(np.abs(moved).max(initial=0.0)),
+        **{name: float(np.abs(value).max(initial=0.0)) for name, value in errors.items()},
         "mass": max(0.0, -float(np.linalg.eigvalsh(remaining_mass)[0])),
         "stiffness": float(np.abs(strain / np.outer(sites, sites)).max()),
     }

@@ -315,8 +315,7 @@ def full(
         raise InputError(
             "full() computes all modes of the structure by a dense eigensolver on one rank: at "
             f"most {MOST_DENSE_ROWS} dofs; got {structure.dofs} on {structure.comm.size} "
-            "rank(s): use a "
-            "coarser mesh, or superposition() or extract() with a growing n."
+            "rank(s): use a coarser mesh, or superposition() or extract() with a growing n."
         )
 
     checked_damping = as_damping(damping)

@@ -95,11 +95,10 @@ def patch_points(
             members = np.flatnonzero(group.ravel() == number)
             rise = FLAT_RISE if is_flat else MOST_RISE
             for part in np.array_split(members, 1 + len(members) * len(rule) // POINTS_AT_ONCE):
-                points_of_rule = _rule_on_faces(
+                on_faces, share[part] = _rule_on_faces(
                     faces, points, radii, contact.normals, part, rule, weights, rise
                 )
-                share[part] = points_of_rule[1]
-                point_sets.append(points_of_rule[0])
+                point_sets.append(on_faces)
                 done += len(part)
                 ready(done)
 
@@ -239,9 +238,8 @@ def located_sites(
         far_points = np.flatnonzero(np.isinf(depth))
         if len(far_points):  # how deep is told to the caller
             reaches = np.full(len(far_points), mesh.extent())
-            depth[far_points] = faces.contact(
-                points[far_points], directions[far_points], reaches, labels
-            ).depth
+            deep = faces.contact(points[far_points], directions[far_points], reaches, labels)
+            depth[far_points] = deep.depth
 
     if not patch.all():
         point_sets.append(_point_loads(structure, points, np.flatnonzero(~patch), nearest))
@@ -267,11 +265,9 @@ def _point_loads(
     if nearest is None:
         nearest = closest_many(structure.mesh, points[which])
         numbers = np.arange(len(which))
-    on_this_rank = nearest.rank[numbers] == structure.comm.rank
-    numbers = numbers[on_this_rank]
-    return Points(
-        which[on_this_rank], nearest.cell[numbers], nearest.X[numbers], np.ones(len(numbers))
-    )
+    here = nearest.rank[numbers] == structure.comm.rank
+    numbers = numbers[here]
+    return Points(which[here], nearest.cell[numbers], nearest.X[numbers], np.ones(len(numbers)))
 
 
 #: A patch counts as whole if at least this share of its load is on the face, free of supports.

@@ -196,9 +196,8 @@ def _patch_around(faces: Faces, point: Array) -> Patch:
         affine=faces.affine,
     )
     nearest_points = faces.at(facets, clamped(xi, faces.simplex))[0]
-    return _gathered_patch(
-        faces, facets, nearest_points, np.linalg.norm(nearest_points - point, axis=1)
-    )
+    gap = np.linalg.norm(nearest_points - point, axis=1)
+    return _gathered_patch(faces, facets, nearest_points, gap)
 
 
 def _gathered_patch(faces: Faces, facets: IntArray, nearest: Array, gap: Array) -> Patch:
@@ -258,9 +257,8 @@ def _surface_kind(values: Array, error: float) -> tuple[Array, str]:
     largest = float(np.abs(values).max())
     if largest == 0.0:
         return values, PLANE
-    is_flat = np.abs(values) <= min(
-        max(ZERO_CURVATURE[0] * error, ZERO_CURVATURE[1] * largest), ZERO_CURVATURE[2] * largest
-    )
+    limit = max(ZERO_CURVATURE[0] * error, ZERO_CURVATURE[1] * largest)
+    is_flat = np.abs(values) <= min(limit, ZERO_CURVATURE[2] * largest)
     return np.where(is_flat, 0.0, values), LINE if is_flat.any() else CURVED
 
 
