@@ -477,9 +477,8 @@ class AntiOscillators(ReprMixin, Parameters):
 
     def _stretch_of_corrected(self, stretch: Stretch) -> Stretch:
         """Second-order forces for the corrected model: of the same motions, in its free modes."""
-        shapes = np.eye(
-            self.n_sites + self.n
-        )  # the motions are expressed in the shapes of this model
+        # the motions are expressed in the shapes of this model
+        shapes = np.eye(self.n_sites + self.n)
         raw = replace(self, stretch=None, inertia=None, hidden=None, shapes=shapes)
         before = raw.free_modes
         after = parameters.softened_model(raw).free_modes

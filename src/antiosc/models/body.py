@@ -112,12 +112,9 @@ class ModelInfo(ReprMixin):
         if isinstance(record, ModelInfo):
             return record
         checks.instance("info", record, Mapping, "a ModelInfo, or a dict of facts")
-        attributes = {name: value for name, value in record.items() if name in _ATTRIBUTE_NAMES}
-        notes = {
-            n: value
-            for n, value in record.items()
-            if n not in _ATTRIBUTE_NAMES and value is not None
-        }
+        known = {name: value for name, value in record.items() if value is not None}
+        attributes = {name: known[name] for name in known if name in _ATTRIBUTE_NAMES}
+        notes = {name: known[name] for name in known if name not in _ATTRIBUTE_NAMES}
         return cls(**attributes, notes=notes)
 
     def having(self, **facts: Any) -> ModelInfo:

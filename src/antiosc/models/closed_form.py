@@ -189,9 +189,8 @@ class StruckBeam:
             solved = self._in_polynomials(count)
             omega, phi = solved.lowest(count, held=held)
             share = (solved.mass @ solved.static if held else solved.at_site) @ phi
-            seen = np.flatnonzero(share**2 > UNOBSERVABLE_SHARE * (solved.m_st if held else 1.0))[
-                :n
-            ]
+            least = UNOBSERVABLE_SHARE * (solved.m_st if held else 1.0)
+            seen = np.flatnonzero(share**2 > least)[:n]
             if len(seen) == n:
                 return solved, omega[seen], phi[:, seen], share[seen]
             count *= 2

@@ -230,10 +230,8 @@ def error_bound(
         chord = r[part] * (1 - p[part] + p[part] / (1 - z / (omega[-1] ** 2 + shift)))
         H = b[part] ** 2 @ modal + response
         Z = models.dynamic_stiffness(x_band, part)
-        change = (
-            np.abs(chord - response)
-            + (missing_compliance[part] + slow[part] * np.abs(z)) / pole_distance
-        )
+        rounding = missing_compliance[part] + slow[part] * np.abs(z)
+        change = np.abs(chord - response) + rounding / pole_distance
         left_out[part] = np.max(np.abs(Z) * change, axis=1)
         reduction[part] = np.max(np.abs(Z * H - 1), axis=1)
 

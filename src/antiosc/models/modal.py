@@ -288,7 +288,8 @@ class ModalBase(ReprMixin):
                 " a Motion of velocity and spin."
             )
 
-        rigid_b, mobility = self._rigid_column
+        rigid_b = np.where(self.omega == 0, self.B[:, 0], 0.0)
+        mobility = float(rigid_b @ rigid_b)
         if mobility == 0.0:
             raise InputError(
                 f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"
@@ -302,12 +303,6 @@ class ModalBase(ReprMixin):
                 return start
 
         return np.asarray(velocity * rigid_b / mobility)
-
-    @cached_property
-    def _rigid_column(self) -> tuple[Array, float]:
-        """(displacements (J,) of the only column in rigid-body modes, mobility [1/kg])."""
-        column = np.where(self.omega == 0, self.B[:, 0], 0.0)
-        return column, float(column @ column)
 
     def _rigid_start(self, motion: Motion) -> Array:
         """Modal velocities (J,) of a motion; InputError if supports restrain it."""
@@ -515,20 +510,17 @@ def columns_of_sites(
     """Columns of each site; one column each where names alone are given."""
     kinds = (Mapping, list, tuple)
     checks.instance("sites", sites, kinds, "a list of names, or a dict {name: columns of b}")
-    site_items = (
-        sites.items() if isinstance(sites, Mapping) else zip(sites, range(count), strict=False)
-    )
+    pairs = sites.items() if isinstance(sites, Mapping) else zip(sites, range(count), strict=False)
 
     columns_by_site = {}
-    for name, columns in site_items:
+    for name, columns in pairs:
         columns_by_site[checks.name("the name of a site", name)] = tuple(
             checks.whole(f"a column of site {name!r}", i, least=0, most=count - 1)
             for i in checks.column(f"columns of site {name!r}", columns).tolist()
         )
 
-    if len(columns_by_site) != len(sites) or any(
-        not 1 <= len(c) <= 3 for c in columns_by_site.values()
-    ):
+    sizes = {len(columns) for columns in columns_by_site.values()}
+    if len(columns_by_site) != len(sites) or not sizes <= {1, 2, 3}:
         raise InputError(
             f"each site has one to three of the {count} columns of b, and a name of its own;"
             f" got {checks.shown(sites)}."

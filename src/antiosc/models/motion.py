@@ -169,9 +169,8 @@ class ModalState(FieldsRepr):
         checks.store(self, displacements=checks.read_only(q), velocities=checks.read_only(v))
 
         if self.first_order is not None:
-            checks.store(
-                self, first_order=checks.floats("first_order", self.first_order, (2, None))
-            )
+            states = checks.floats("first_order", self.first_order, (2, None))
+            checks.store(self, first_order=states)
 
 
 def unit_vector(name: str, value: object) -> Array:

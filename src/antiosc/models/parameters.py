@@ -29,7 +29,7 @@ from antiosc.base._types import Array, ArrayLike, Index
 from antiosc.base.checks import ROUNDING
 from antiosc.base.errors import InputError
 from antiosc.engine.damping import DampingMatrix, in_coordinates
-from antiosc.models.body import Body, ModelInfo, info_of
+from antiosc.models.body import Body, ModelInfo
 from antiosc.models.modal import Damping, Value, columns_of_sites
 from antiosc.models.motion import Inertia, unit_vector, unit_vectors
 from antiosc.models.stretch import Stretch
@@ -430,9 +430,8 @@ def sorted_damping(model: Parameters, damping: DampingMatrix, omega: ArrayLike) 
     if np.array_equal(order, np.arange(order.size)):
         return damping
 
-    rows = np.concatenate(
-        (np.arange(n_sites), n_sites + order, np.arange(n_sites + order.size, size))
-    )
+    of_hidden = np.arange(n_sites + order.size, size)
+    rows = np.concatenate((np.arange(n_sites), n_sites + order, of_hidden))
 
     return in_coordinates(damping, np.eye(size)[:, rows])
 
@@ -467,17 +466,13 @@ def has_error_bars(model: object) -> bool:
     return known or bool(info.measured or info.no_estimate)
 
 
-def no_estimate_message(model: object) -> str:
-    """Message that the mesh error of a model is not known, with the remedy."""
-    reason = info_of(model).no_estimate
-    return f"the error of the mesh is not known: {reason}" if reason else NO_ESTIMATE_MESSAGE
-
-
 def softened_model(model: ModelType) -> ModelType:
     """The softened model; see `AntiOscillators.corrected`."""
     E = model.strain_error
     if E is None:
-        raise InputError(no_estimate_message(model))
+        reason = model.info.no_estimate
+        told = f"the error of the mesh is not known: {reason}"
+        raise InputError(told if reason else NO_ESTIMATE_MESSAGE)
     if model.strain_misfit is not None:
         E = E + model.strain_misfit
 

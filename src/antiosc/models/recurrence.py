@@ -51,7 +51,9 @@ class ReferenceModes:
 
     def _factors(self, square: Array, by: dict[int, Array | float]) -> Array:
         """Factors (k, 5, J) of square^(1/2) f; `by`: number of a factor -> its values (J,)."""
-        weights = _root(square) @ self.residual
+        x, U = np.linalg.eigh(square)
+        root = (U * np.sqrt(np.maximum(x, 0.0))) @ U.T
+        weights = root @ self.residual
         rows = np.zeros((len(weights), 5, self.omega.size))
         for place, values in by.items():
             rows[:, place] = weights * values
@@ -92,11 +94,8 @@ class ReferenceModes:
     def brake(self, damping: Damping) -> Array:
         """Bounds (J,) on the load per rate of each mode that the damping ratio ζ leaves."""
         far = np.sqrt(self.shift) / np.where(self.omega > 0, self.omega, np.inf)
-        own = (
-            np.linalg.norm(self.residual, axis=0)
-            * (self.omega**2 + self.shift)
-            * np.maximum(far, 1.0)
-        )
+        stiff = self.omega**2 + self.shift
+        own = np.linalg.norm(self.residual, axis=0) * stiff * np.maximum(far, 1.0)
         return 2 * _damping_ratio(damping) * own
 
     def receptance(self, x: Array, b: Array) -> Array:
@@ -154,12 +153,6 @@ class Recurrence(FieldsRepr):
         beyond = slice(n, n + 2 * p - 1)
         residual = self.H[beyond, :n] @ shapes[p:] + self.start[beyond] @ shapes[:p]
         return ReferenceModes(omega, shapes[:p].T, residual, self.H[beyond, beyond], s)
-
-
-def _root(square: Array) -> Array:
-    """Symmetric square root of a positive semidefinite matrix."""
-    x, U = np.linalg.eigh(square)
-    return (U * np.sqrt(np.maximum(x, 0.0))) @ U.T
 
 
 def recurrence_of(

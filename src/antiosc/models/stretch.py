@@ -68,9 +68,8 @@ class Stretch(ReprMixin):
         for name, rank in (("quadratic", 3), ("cubic", 4)):
             tensor = checks.floats(name, getattr(self, name), (m,) * rank)
             permuted = np.moveaxis(tensor, 0, -1)
-            if np.abs(tensor - permuted).max() > LARGEST_ASYMMETRY * np.abs(tensor).max(
-                initial=0.0
-            ):
+            size = np.abs(tensor).max(initial=0.0)
+            if np.abs(tensor - permuted).max() > LARGEST_ASYMMETRY * size:
                 raise InputError(f"{name} must be symmetric in all its indices.")
             checks.store(self, **{name: checks.read_only(tensor)})
 
@@ -178,9 +177,8 @@ def checked_count(stretch: object) -> Count | Literal[False]:
 
 def stretch_of(body: object) -> Stretch | None:
     """The second-order forces of a body or of that inside an `Impactor`; None if it has none."""
-    stretch = getattr(body, "stretch", None) or getattr(
-        getattr(body, "body", None), "stretch", None
-    )
+    inner = getattr(body, "body", None)
+    stretch = getattr(body, "stretch", None) or getattr(inner, "stretch", None)
     if isinstance(stretch, Stretch):
         return stretch
     return None
