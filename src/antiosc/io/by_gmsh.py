@@ -199,12 +199,8 @@ class Cylinder(NamedTuple):
         parallel = abs(float(self.axis @ other.axis)) > 1 - CYLINDER_TOLERANCE
         same_radius = abs(self.radius - other.radius) < CYLINDER_TOLERANCE * self.radius
         beside = bool(self.edges & other.edges)
-        return (
-            beside
-            and parallel
-            and same_radius
-            and bool(aside < 10 * CYLINDER_TOLERANCE * self.radius)
-        )
+        coaxial = parallel and bool(aside < 10 * CYLINDER_TOLERANCE * self.radius)
+        return beside and coaxial and same_radius
 
 
 def _holes(
@@ -216,11 +212,10 @@ def _holes(
     label = connected_pieces([np.array(pairs, dtype=np.int64).reshape(-1, 2)], len(hollow))
     holes = [[c for c, k in zip(hollow, label, strict=True) if k == hole] for hole in set(label)]
 
+    full_turn = 2 * np.pi * (1 - CYLINDER_TOLERANCE)
     by_size: dict[str, list[list[Cylinder]]] = {}
     for hole in holes:
-        if sum(cylinder.angle for cylinder in hole) > 2 * np.pi * (
-            1 - CYLINDER_TOLERANCE
-        ):  # a full turn
+        if sum(cylinder.angle for cylinder in hole) > full_turn:
             size = f"hole {2e3 * scale * hole[-1].radius:.4g} mm"
             by_size.setdefault(size, []).append(hole)
 
@@ -506,9 +501,8 @@ def _box_diagonals(gmsh: ModuleType, names: EntityNames, scale: float) -> FileMe
     mesh = FileMesh(boxes.reshape(-1, 3), {"line": lines}, dict.fromkeys(group_names, cells))
     if len(entities) > 1:
         labels = [", ".join(names.get(entity, ())) for entity in entities]
-        mesh.pieces = [
-            Piece(*ends) for ends in zip(labels, boxes[:, :3], boxes[:, 3:], strict=True)
-        ]
+        ends = zip(labels, boxes[:, :3], boxes[:, 3:], strict=True)
+        mesh.pieces = [Piece(*each) for each in ends]
     return mesh
 
 

@@ -145,7 +145,9 @@ class NodeTable:
 
         #: weights (count, len(points)) of all nodes
         self.weights = eye(len(points), format="csr")
-        self._pairs = PairTable(len(points))
+
+        #: middle node of each pair that has one
+        self.middles = PairTable(len(points))
 
         #: weights of the middles of pairs that are set, and the row of each
         self._places = PairTable(len(points))
@@ -172,10 +174,6 @@ class NodeTable:
         self.weights = self._vstack([self.weights, weights], format="csr")
         return np.arange(first, self.count)
 
-    def set_middle_nodes(self, ends: IntArray, nodes: IntArray) -> None:
-        """Set existing nodes (n,) as the middle nodes of the pairs `ends` (n, 2)."""
-        self._pairs.add(ends, nodes)
-
     def set_middle_weights(self, ends: IntArray, weights: csr_matrix) -> None:
         """Set the weights with which `between` makes the middle nodes of `ends` (n, 2)."""
         first = self._placed.shape[0]
@@ -185,15 +183,15 @@ class NodeTable:
     def between(self, ends: IntArray) -> IntArray:
         """Numbers (…,) of the middle nodes of pairs `ends` (…, 2); missing ones are made."""
         flat = ends.reshape(-1, 2)
-        absent = flat[self._pairs.find(flat) < 0]
+        absent = flat[self.middles.find(flat) < 0]
         if len(absent):
             pairs = np.unique(np.sort(absent, axis=1), axis=0)
             row = self._places.find(pairs)
             halfway = pairs[row < 0]
-            self._pairs.add(halfway, self.new(self.combined_weights(halfway, (0.5, 0.5))))
-            self._pairs.add(pairs[row >= 0], self.new(self._placed[row[row >= 0]]))
+            self.middles.add(halfway, self.new(self.combined_weights(halfway, (0.5, 0.5))))
+            self.middles.add(pairs[row >= 0], self.new(self._placed[row[row >= 0]]))
 
-        return self._pairs.find(flat).reshape(ends.shape[:-1])
+        return self.middles.find(flat).reshape(ends.shape[:-1])
 
     def face_middles(self, corners: IntArray, weights: csr_matrix) -> IntArray:
         """Numbers (n,) of middle nodes of faces (n, 4); missing ones are made by `weights`."""
@@ -272,7 +270,7 @@ def mesh_of_deck(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) 
         for block in (b for b, _ in of_dimension if b.mids.shape[1]):
             ends = block.corners[:, np.array(EDGES[block.shape])]
             has_middle = (block.mids >= 0) & (ends[..., 0] != ends[..., 1])
-            nodes.set_middle_nodes(ends[has_middle], block.mids[has_middle])
+            nodes.middles.add(ends[has_middle], block.mids[has_middle])
 
         apart = mixed and dim == 2
         for of_shape in _by_shape(of_dimension) if apart else filter(None, [of_dimension]):
@@ -377,9 +375,8 @@ def _middle_nodes(block: Block, nodes: NodeTable) -> IntArray:
 def _set_diagonal_weights(block: Block, nodes: NodeTable) -> None:
     """Set the weights of the middles of all diagonals that a division may use."""
     for face in quadrilateral_faces(block.shape):
-        whole = ~_has_repeated_node(
-            block.corners[:, list(face)]
-        )  # the diagonals of others are edges
+        # the diagonals of others are edges
+        whole = ~_has_repeated_node(block.corners[:, list(face)])
         middles = _middle_weights(block[whole], nodes, face)
         for k in (0, 1):
             nodes.set_middle_weights(block.corners[whole][:, [face[k], face[k + 2]]], middles)
@@ -472,9 +469,7 @@ def with_supported_kinds(mesh: FileMesh, name: str) -> FileMesh:
     deck.blocks = [_block(label, mesh.cells[label]) for label in labels]
     starts = dict(zip(labels, np.cumsum([0, *map(len, deck.blocks)]), strict=False))
     for group, parts in mesh.groups.items():
-        rows = [
-            starts[label] + block_rows for label, block_rows in parts.items() if label in starts
-        ]
+        rows = [starts[label] + own for label, own in parts.items() if label in starts]
         deck.element_sets[group] = np.concatenate([np.zeros(0, dtype=np.int64), *rows])
 
     deck.node_sets = mesh.node_sets

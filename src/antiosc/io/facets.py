@@ -89,9 +89,8 @@ def _edges_of_triangles(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, In
     """(whether the two triangles at an edge agree (k,), their numbers (k, 2); number of triangles
     at every edge); the first two for edges of two triangles alone."""
     ends = np.concatenate([triangles[:, list(side)] for side in TRIANGLE_SIDES])
-    _, edge, uses = np.unique(
-        np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
+    ends_of_edges = np.sort(ends, axis=1)
+    _, edge, uses = np.unique(ends_of_edges, axis=0, return_inverse=True, return_counts=True)
     order = np.argsort(edge.ravel(), kind="stable")
     start = (np.cumsum(uses) - uses)[uses == 2]
     sides = order[start[:, None] + np.arange(2)]
@@ -165,11 +164,8 @@ def read_surface(request: Request) -> Surface:
     count = len(mesh.faces)
     size = float(np.ptp(mesh.vertices[mesh.faces], axis=(0, 1)).max())
     if size > 0:
-        mesh.merge_vertices(
-            merge_tex=True,
-            merge_norm=True,
-            digits_vertex=MERGE_DIGITS - math.ceil(math.log10(size)),
-        )
+        digits = MERGE_DIGITS - math.ceil(math.log10(size))
+        mesh.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=digits)
         mesh.update_faces(mesh.nondegenerate_faces(DEGENERATE_HEIGHT * size) & mesh.unique_faces())
         mesh.remove_unreferenced_vertices()
     kept = len(mesh.faces)

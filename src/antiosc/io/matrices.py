@@ -334,9 +334,8 @@ def _matrices(source: MatrixFile) -> Entries | dict[str, Entries]:
         return read_matrix_market(source)
     if re.match(rb"\s*function +a *=", content):
         return read_sierra(source)
-    for form in (
-        load_entry_point(entry, MatrixFormat) for entry in entry_points_of("antiosc.matrices")
-    ):
+    for entry in entry_points_of("antiosc.matrices"):
+        form = load_entry_point(entry, MatrixFormat)
         if form.matches(content):
             return form.read(source)
 
@@ -430,8 +429,7 @@ class DofMap:
             components = ", ".join(component_name(int(k)) for k in self.component[rows])
             raise InputError(
                 f"node {node} has no dof {component_name(component)} in the matrices: it has "
-                f"{components} "
-                "(fixed dofs are left out by most programs)."
+                f"{components} (fixed dofs are left out by most programs)."
             )
 
         return int(matches[0])
@@ -516,11 +514,8 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
         )
 
     pairs = table[:, :2].astype(np.int64)
-    bad = (
-        (pairs != table[:, :2]).any(axis=1)
-        | (pairs < 0).any(axis=1)
-        | (pairs[:, 1] > LARGEST_DOF_NUMBER)
-    )
+    outside = (pairs < 0).any(axis=1) | (pairs[:, 1] > LARGEST_DOF_NUMBER)
+    bad = outside | (pairs != table[:, :2]).any(axis=1)
     if bad.any():
         node, dof = table[bad.argmax(), :2]
         raise InputError(

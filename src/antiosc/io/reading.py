@@ -181,14 +181,12 @@ def _remarks_on_unused_elements(
     if any(loose.values()) and name.lower().endswith(CAD_ENDINGS):
         yield (
             f"{name}: {_counts_text(loose)} that are not on its {_NOUNS[top]} {LEFT_OUT_PHRASE}, "
-            "as sketches, "
-            "axes or construction planes."
+            "as sketches, axes or construction planes."
         )
     elif any(loose.values()):
         raise MeshError(
             f"{name} holds {len(raw.cells)} {_NOUNS[top]} and besides {_counts_text(loose)} that "
-            "are "
-            f"not sides of them: say which elements make the mesh by cells, as {top} (their "
+            f"are not sides of them: say which elements make the mesh by cells, as {top} (their "
             "dimension) or the name of a group; read_model reads a deck with all of them."
         )
 
@@ -289,9 +287,8 @@ def read(
 
     def attempt(**how: Any) -> RawMesh:
         """Read with the further options `how` of the request."""
-        raw = selected_mesh(
-            file_content(path, timeout, unit, merge, **options, **how), cells, order, name
-        )
+        content = file_content(path, timeout, unit, merge, **options, **how)
+        raw = selected_mesh(content, cells, order, name)
         if piece is not None and not (by_reader and raw.kind.dim == 3):
             raw = one_piece(raw, piece, name)
         return sound(raw)
@@ -362,11 +359,10 @@ def pieces_of(raw: RawMesh) -> list[Piece]:
     """The connected pieces, by descending size."""
     label = piece_of_cells(raw)
     _, first = np.unique(label, return_index=True)
+    corners = raw.cells[first, : raw.kind.vertices]
     names: dict[int, str] = {}
     for name, parts in raw.groups.items():
-        inside = row_positions(
-            raw.cells[first, : raw.kind.vertices], parts.get(raw.kind.dim, first[:0])
-        )
+        inside = row_positions(corners, parts.get(raw.kind.dim, first[:0]))
         if (inside >= 0).sum() == 1:  # others are of several pieces
             names.setdefault(int(inside.argmax()), name)
 
@@ -434,12 +430,9 @@ def file_content(
     timeout = None if timeout is None else float(timeout)  # for JSON, as the size
     content = read_isolated(path, geometry=geometry, options=options, timeout=timeout)
     farthest = float(np.abs(content.points).max(initial=0.0))
-    damaged = (
-        f"has coordinates up to {farthest:.3g}, more than {LARGEST_COORDINATE:g}: it is damaged"
-    )
-    refuse(
-        not farthest < LARGEST_COORDINATE, f"{damaged}; write it anew in the program that made it"
-    )
+    too_far = f"has coordinates up to {farthest:.3g}, more than {LARGEST_COORDINATE:g}"
+    damaged = f"{too_far}: it is damaged; write it anew in the program that made it"
+    refuse(not farthest < LARGEST_COORDINATE, damaged)
 
     content.points = content.points * unit.length
     content.pieces = [piece.scaled(unit.length) for piece in content.pieces]
