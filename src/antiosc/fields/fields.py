@@ -140,11 +140,8 @@ def write_series(
     points, cells, shapes = source(structure).at_nodes(structure, shapes_of_body)
     factors = shape_factors(history, times_checked, body)
 
-    def write() -> None:
-        """Write the files, on the first rank."""
-        write_frames(target, points, cells, times_checked, (shapes @ a for a in factors))
-
-    on_root(structure.comm, write)
+    frames = (shapes @ a for a in factors)
+    on_root(structure.comm, partial(write_frames, target, points, cells, times_checked, frames))
     return target
 
 
@@ -216,8 +213,7 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
             message = (
                 f"the ground shakes {moved:.3g} kg along {axis}, and the model carries "
                 f"{percent(represented / moved)} of it: contact forces are right, fields far from "
-                "the sites "
-                f"are not; name a site whose direction is {axis} as well, or raise n."
+                f"the sites are not; name a site whose direction is {axis} as well, or raise n."
             )
             on_root(structure.comm, partial(warn, message, AccuracyWarning))
 

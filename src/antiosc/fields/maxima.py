@@ -185,11 +185,8 @@ def _time_step(
     weights = np.zeros(len(motion.omega))
     # of the node where the modes curve the value most, relative to it
     for block in _node_blocks(len(columns), columns.shape[1] * len(weights)):
-        share = (
-            _scalar_values(columns[block], motion.shapes, scalar)
-            * motion.sizes
-            / values[block, None]
-        )
+        of_modes = _scalar_values(columns[block], motion.shapes, scalar) * motion.sizes
+        share = of_modes / values[block, None]
         curvatures = share @ motion.omega**2
         worst = int(curvatures.argmax())
         if curvatures[worst] > curved:

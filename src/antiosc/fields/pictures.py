@@ -123,13 +123,11 @@ def plot_map(
     if triangles:
         faces = impact_map.elements[_front_faces(impact_map, axes)]
         values = _face_means(value[faces])
-        single_sites = impact_map.alone
-        scale = surfaces.colour_scale(np.concatenate([values, value[single_sites]]))
+        alone = impact_map.alone
+        scale = surfaces.colour_scale(np.concatenate([values, value[alone]]))
         doubted = outlined[faces].sum(axis=1) > 1
         surfaces.draw_faces(figure, axes, x[faces], values, label, scale, 0.85, doubted)
-        _draw_dots(
-            axes, x[single_sites], scale.to_rgba(value[single_sites]), outlined[single_sites]
-        )
+        _draw_dots(axes, x[alone], scale.to_rgba(value[alone]), outlined[alone])
     else:
         scale = surfaces.colour_scale(value)
         _draw_dots(axes, x, scale.to_rgba(value), outlined)
@@ -243,9 +241,8 @@ def deformed_surface(
         *_, displacements = nodal_motion(structure, history, time, body=body)
         return peak.surface(f"{peak.label} at {1e3 * time:.4g} ms", displacements)
 
-    points, faces, displacements = deformed_skin(
-        structure, history, checks.number("time", time, "s"), body=body
-    )
+    time = checks.number("time", time, "s")
+    points, faces, displacements = deformed_skin(structure, history, time, body=body)
     largest = float(np.linalg.norm(displacements, axis=1).max())
     return DeformedSurface.from_displacements(points, faces, displacements, largest)
 

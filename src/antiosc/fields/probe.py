@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from math import ceil, inf, isfinite
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -183,12 +183,8 @@ def probe(
         places = (
             _outline_places(structure, part, position) if quantity == "von_mises" else [position]
         )
-        columns = [
-            _probe_columns(
-                structure, history, body, shapes, x[None], quantity, part, tensors, reach
-            )[0]
-            for tensors in places
-        ]
+        probed = structure, history, body, shapes, x[None], quantity, part
+        columns = [_probe_columns(*probed, tensors, reach)[0] for tensors in places]
     else:
         columns = [motions_without_mesh(structure, shapes, str(point), end, quantity)]
 
@@ -313,9 +309,8 @@ def strain_gauge(
     points = x + np.outer(nodes, d) * length / 2
     shapes = shapes_of(structure, history, body)
     sample_times = checked_times(history, times)
-    reach = Reach(
-        "a point of the gauge,", GAUGE_TOLERANCE * length, "shorten the gauge, or move it"
-    )
+    remedy = "shorten the gauge, or move it"
+    reach = Reach("a point of the gauge,", GAUGE_TOLERANCE * length, remedy)
     columns = _probe_columns(
         structure, history, body, shapes, points, "strain", part, position, reach
     )
@@ -343,9 +338,8 @@ def _probe_columns(
 
     def at(columns: Array, second_order: bool) -> Array:
         """Strains, stresses, … of `columns` at the points."""
-        return cast(
-            Array, module.recovered(structure, columns, *selection, second_order=second_order)
-        )
+        values = module.recovered(structure, columns, *selection, second_order=second_order)
+        return np.asarray(values)
 
     return with_pair_columns(at, structure, history, body, shapes)
 
@@ -368,34 +362,31 @@ def _filtered_derivative(
             "a filter needs the motion before and after the times: probe the history of the scene,"
             " and name the body."
         )
-    end = times.max() + filter_memory(name)
+    memory = filter_memory(name)
+    end = times.max() + memory
     if history.time[-1] < end and isinstance(history, History) and history.source is not None:
         with suppress(AntioscError), without_warnings():  # the law may end its range
             history = history.again(duration=end)
 
     if history.time[-1] < end * (1 - 1e-9):
         sentence = (
-            f"Values through {name} depend on the motion up to "
-            f"{engineering(filter_memory(name), 's')}"
+            f"Values through {name} depend on the motion up to {engineering(memory, 's')}"
             f" later, and the run ends at {engineering(history.time[-1], 's')}: those near the end"
             f" are not reliable. Simulate for {engineering(end, 's')}."
         )
         on_root(structure.comm, partial(warn, sentence, AccuracyWarning))
 
     # samples from the memory before the first time to that after the last
-    memory = filter_memory(name)
     begin = max(times.min() - memory, 0.0)
     end = min(times.max() + memory, history.time[-1])
-    of_modes = (
-        SAMPLES_PER_PERIOD * modes_with_shapes(history, body).omega.max(initial=0.0) / (2 * np.pi)
-    )
+    fastest = modes_with_shapes(history, body).omega.max(initial=0.0)
+    of_modes = SAMPLES_PER_PERIOD * fastest / (2 * np.pi)
     of_contact = SAMPLES_PER_CONTACT / history.assembly.contact_time_estimate
     rate = min(max(of_modes, of_contact), SAMPLE_LIMITS[1] / (end - begin))
     count = max(ceil(max(rate, 1 / sampling_step(name)) * (end - begin)), SAMPLE_LIMITS[0])
     t, step = np.linspace(begin, end, count, retstep=True)
-    values = np.concatenate(
-        [signal(history, block) for block in np.array_split(t, ceil(count / TIMES_AT_ONCE))]
-    )
+    blocks = np.array_split(t, ceil(count / TIMES_AT_ONCE))
+    values = np.concatenate([signal(history, block) for block in blocks])
 
     margin = ceil(memory / step)
     columns = np.pad(values.reshape(count, -1), ((margin, margin), (0, 0)), "edge")
@@ -486,11 +477,8 @@ def probe_error(
 
     def largest(signal: Array) -> float:
         """Largest length of a motion's vector; of other quantities largest size of a component."""
-        sizes = (
-            np.linalg.norm(signal, axis=1)
-            if quantity in MOTION_QUANTITIES
-            else np.abs(signal[:, k])
-        )
+        is_motion = quantity in MOTION_QUANTITIES
+        sizes = np.linalg.norm(signal, axis=1) if is_motion else np.abs(signal[:, k])
         return float(sizes.max())
 
     own = values(history if model.stretch is None else history.rerun(linear, tol))

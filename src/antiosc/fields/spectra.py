@@ -145,9 +145,7 @@ def srs(
     if not f.size or f.min() <= 0:
         raise InputError("frequencies must be > 0 Hz, at least one.")
 
-    extremes = np.array(
-        [_extreme_responses(t, a, frequency, Q, signal) for frequency in f.tolist()]
-    )
+    extremes = np.array([_extreme_responses(t, a, each, Q, signal) for each in f.tolist()])
     return ShockSpectrum(f, extremes[:, 0], extremes[:, 1], Q)
 
 
@@ -190,9 +188,8 @@ def _resampled(t: Array, x: Array, step: float) -> tuple[Array, Array]:
     sample_step, is_even = _even_step(t)
     span = float(t[-1] - t[0])
     if is_even:
-        count = _checked_samples(
-            (t.size - 1) * max(1.0, np.ceil(sample_step / step * (1 - STEP_TOLERANCE)))
-        )
+        finer = max(1.0, np.ceil(sample_step / step * (1 - STEP_TOLERANCE)))
+        count = _checked_samples((t.size - 1) * finer)
     else:
         count = _checked_samples(np.ceil(span / min(step, sample_step)))
     times = np.linspace(t[0], t[-1], round(count) + 1)

@@ -343,13 +343,12 @@ def preloaded_parts(structure: Structure, part: str | None) -> list[tuple[Member
 
 def _with_second_order(parts: Sequence[tuple[Member, Array]]) -> list[tuple[Member, Array]]:
     """The parts with a zero initial strain: their second-order strains are then included."""
-    return [
-        (
-            replace(m, part=replace(m.part, initial=np.zeros(len(m.part.part_of_cells())))),
-            shapes_of_part,
-        )
-        for m, shapes_of_part in parts
-    ]
+    strained = []
+    for member, shapes_of_part in parts:
+        zero = np.zeros(len(member.part.part_of_cells()))
+        part = replace(member.part, initial=zero)
+        strained.append((replace(member, part=part), shapes_of_part))
+    return strained
 
 
 def tensors_at_nodes(
@@ -507,9 +506,7 @@ def stress_jumps(
         errors += comm.gather(errors_of_rank, root=0) or []
         start += sum(sizes)
 
-    if errors:
-        return np.concatenate(errors)
-    return np.zeros(0)
+    return np.concatenate([np.zeros(0), *errors])
 
 
 def families(structure: Structure, part: str | None = None) -> set[str]:

@@ -123,8 +123,7 @@ class NodeTensors(NamedTuple):
 
 def layers_of(material: object) -> Sequence[Layer]:
     """Layers of a laminate; () for any other material."""
-    layers: Sequence[Layer] = getattr(material, "layers", ())
-    return layers
+    return getattr(material, "layers", ())
 
 
 def strength_of(material: object, place: Place) -> AnyStrength:
@@ -135,13 +134,10 @@ def strength_of(material: object, place: Place) -> AnyStrength:
     layers = layers_of(material)
     if not layers:
         tensile = getattr(material, "tensile", None)
-        return (
-            getattr(material, "yield_strength", None)
-            if tensile is None
-            else TensileStrength(*tensile)
-        )
-    strength: Strengths | None = None if place.layer is None else layers[place.layer].strength
-    return strength
+        if tensile is not None:
+            return TensileStrength(*tensile)
+        return getattr(material, "yield_strength", None)
+    return None if place.layer is None else layers[place.layer].strength
 
 
 def place(

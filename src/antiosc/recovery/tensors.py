@@ -170,10 +170,8 @@ def solid_strain(at: PointsInCells, place: Place) -> Array:
 def solid_stress(at: PointsInCells, place: Place) -> Array:
     """Stress tensors (P, 3, 3, columns), Pa."""
     strains = solid_strain(at, Place())
-    engineering = np.stack(
-        [(1 if i == j else 2) * strains[:, i, j] for i, j in COMPONENT_AXES], axis=1
-    )
-    stresses = at.material_values(lambda solid: solid.voigt) @ engineering
+    six = [(1 if i == j else 2) * strains[:, i, j] for i, j in COMPONENT_AXES]
+    stresses = at.material_values(lambda solid: solid.voigt) @ np.stack(six, axis=1)
     return _in_material_axes(at, column_tensors(stresses), place)
 
 
@@ -200,16 +198,14 @@ def _in_material_axes(at: PointsInCells, tensors: Array, place: Place) -> Array:
     """`tensors`, in the axes of an anisotropic material if `place` is local."""
     if not place.local:
         return tensors
-    return rotated_tensors(
-        tensors, at.material_values(lambda solid: getattr(solid, "axes", np.eye(3)))
-    )
+    axes = at.material_values(lambda solid: getattr(solid, "axes", np.eye(3)))
+    return rotated_tensors(tensors, axes)
 
 
 def truss_section_forces(at: PointsInCells, place: Place) -> Array:
     """Axial forces (P, 1, columns), N."""
-    return np.asarray(
-        (at.material_values(lambda bar: [bar.E * bar.area]) * _axial_strain(at))[:, None]
-    )
+    stiffness = at.material_values(lambda bar: [bar.E * bar.area])
+    return np.asarray((stiffness * _axial_strain(at))[:, None])
 
 
 def _axial_strain(at: PointsInCells) -> Array:
