@@ -428,9 +428,8 @@ def reactions(
     solver = structure.factorize(released.pulled.shape[1])
     support_motions = elastic_response(structure, solver, released.pulled)
     support_motions[structure.fixed[structure.fixed < structure.rows]] = 0.0
-    rigid = released.rigid()
-    support_inertia, rigid_inertia = released.inertia(support_motions, rigid)
-    work, applied = released.applied(sites, rigid)
+    support_inertia, rigid_inertia = released.inertia(support_motions)
+    work, applied = released.applied(sites)
     forces = column_forces(history, times_checked, body)
     if len(work) != forces.shape[1]:
         raise InputError(

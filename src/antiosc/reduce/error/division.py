@@ -199,6 +199,7 @@ def lacking_energies(stiffness: Array, flexibility: Array) -> tuple[Array, Array
     vectors = size[:, None] * vectors
     lack = (vectors * np.maximum(values, 0)) @ vectors.T
     surplus = (vectors * np.minimum(values, 0)) @ vectors.T
+
     return lack, surplus
 
 

@@ -348,21 +348,20 @@ class ReleasedSupports:
         self._motions = np.zeros((0, 0))
         self.centres, self.pulled = self._released(supports)
 
-    def inertia(self, following: Array, rigid: Array) -> tuple[Array, Array]:
-        """(M g, M r) of the motions g of the supports and of rigid motions r (`rigid`).
+        #: unit translations (dofs of all parts before joining, 3) of the structure
+        self._rigid = matrices.places.rigid_motions(np.zeros(3))[:, :3]
+
+    def inertia(self, following: Array) -> tuple[Array, Array]:
+        """(M g, M r) of the motions g of the supports and of unit translations r.
 
         `following` (rows, 6 S): motion of the free dofs in static equilibrium, by which g is
         completed.
         """
         self._motions = self._motions + self._of.expanded(following)
-        return self._forces("M", self._motions), self._forces("M", rigid)
+        return self._forces("M", self._motions), self._forces("M", self._rigid)
 
-    def rigid(self) -> Array:
-        """Unit translations (dofs of all parts before joining, 3) of the structure."""
-        return self._of.places.rigid_motions(np.zeros(3))[:, :3]
-
-    def applied(self, sites: Sequence[Site], rigid: Array) -> tuple[Array, Array]:
-        """(bᵀg (P, 6 S), bᵀr (P, 3)): work of unit forces at P sites on g and r = `rigid`."""
+    def applied(self, sites: Sequence[Site]) -> tuple[Array, Array]:
+        """(bᵀg (P, 6 S), bᵀr (P, 3)): work of unit forces at P sites on g and r."""
         columns = []
         with without_warnings():  # they were told of when the model was extracted
             for site in sites:
@@ -375,7 +374,7 @@ class ReleasedSupports:
                 columns.append(functional.B)
 
         b = np.hstack(columns)
-        return dot(self._of.comm, b, self._motions), dot(self._of.comm, b, rigid)
+        return dot(self._of.comm, b, self._motions), dot(self._of.comm, b, self._rigid)
 
     def damping(self, shapes: Array) -> list[tuple[float | None, Array]]:
         """(relaxation time [s], reactions (6 S, B)) of each damping term, by `shapes`."""
