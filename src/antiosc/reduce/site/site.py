@@ -291,7 +291,7 @@ def functional_on_nodes(matrices: NodalMatrices, site: Site) -> Functional:
     if site.radius is not None:
         raise InputError(NO_PATCH)
     node = _node_at(matrices, site) if site.node is None else site.node
-    rows = np.flatnonzero(matrices.map.node == node)
+    rows = matrices.map.rows(node)
     directions: Array | None = None
 
     if isinstance(site.dof, int):  # one row of the node
@@ -300,8 +300,6 @@ def functional_on_nodes(matrices: NodalMatrices, site: Site) -> Functional:
             directions = np.eye(3)[[site.dof - 1]]
         loads = np.ones((1, 1))
     else:  # its displacement along directions
-        if not len(rows):
-            raise InputError(f"node {node} is not in the matrices' map of nodes and dofs.")
         along = in_space(site.direction or ())[None]
         directions = along / np.linalg.norm(along)
         if site.tangential:
