@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import sqrt
@@ -25,6 +24,7 @@ from antiosc.fem.elements.weak_form import (
     compat,
     measure,
     shown_direction,
+    split_motion,
     tangent,
     ufl,
 )
@@ -94,9 +94,7 @@ class Beam(Isotropic):
 
     def rotary_inertia(self, I: float) -> float:  # noqa: E741
         """Rotary inertia per length [kg m] for bending with second moment `I`."""
-        if self.shear:
-            return self.rho * I
-        return 0.0
+        return self.rho * I if self.shear else 0.0
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Strain and kinetic energy of the axis, in a plane or in space."""
@@ -118,22 +116,9 @@ class Beam(Isotropic):
 
         The thickness is the least height, the width the largest A over it.
         """
-        thickness = min(
-            (12 * material.section.I / material.section.A) ** 0.5 for material in materials
-        )
-        return box[0], max(material.section.A for material in materials) / thickness, thickness
-
-
-def _root_coefficient(mesh: Mesh, parts: Parts, stiffness: Callable[[Beam], float]) -> Expr:
-    """√`stiffness(beam)` of each cell's beam, as a cell-wise constant (UFL)."""
-    return coefficient(mesh, parts, lambda beam: math.sqrt(stiffness(beam)))
-
-
-def split_motion(mesh: Mesh, q: Expr) -> tuple[Expr, Expr]:
-    """(displacement (3,), rotation (3,)) of a motion of beams, or of its slope (UFL)."""
-    if mesh.gdim == 2:
-        return ufl.as_vector([q[0], q[1], 0]), ufl.as_vector([0, 0, q[2]])
-    return ufl.as_vector([q[i] for i in range(3)]), ufl.as_vector([q[i] for i in range(3, 6)])
+        sections = [material.section for material in materials]
+        thickness = min((12 * section.I / section.A) ** 0.5 for section in sections)
+        return box[0], max(section.A for section in sections) / thickness, thickness
 
 
 def line_weak_form(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> WeakForm:
@@ -149,32 +134,35 @@ def line_weak_form(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False)
     twist_shifts = not on_sheet and any(b.offset for b, _ in parts)
 
     size = mesh.extent()
+
+    def root(stiffness: Callable[[Beam], float]) -> Expr:
+        return coefficient(mesh, parts, lambda beam: sqrt(stiffness(beam)))
+
     of_force = [
-        (_root_coefficient(mesh, parts, lambda b: b.E * b.section.A), t),
-        (_root_coefficient(mesh, parts, lambda b: b.shear_stiffness(0, size)), y),
-        (_root_coefficient(mesh, parts, lambda b: b.shear_stiffness(1, size)), z),
+        (root(lambda b: b.E * b.section.A), t),
+        (root(lambda b: b.shear_stiffness(0, size)), y),
+        (root(lambda b: b.shear_stiffness(1, size)), z),
     ]
     of_moment = [
-        (_root_coefficient(mesh, parts, lambda b: b.G * b.section.torsion), t),
-        (_root_coefficient(mesh, parts, lambda b: b.E * b.section.side), y),
-        (_root_coefficient(mesh, parts, lambda b: b.E * b.section.I), z),
+        (root(lambda b: b.G * b.section.torsion), t),
+        (root(lambda b: b.E * b.section.side), y),
+        (root(lambda b: b.E * b.section.I), z),
     ]
     if mesh.gdim == 2:
         of_force, of_moment = of_force[:2], of_moment[2:]
 
     def strains(q: Expr) -> Expr:  # times √stiffness
-        _, rotation = split_motion(mesh, q)
-        slope_u, slope_turn = split_motion(mesh, ufl.dot(ufl.grad(q), tangent(mesh)))
+        _, rotation = split_motion(q)
+        slope_u, slope_turn = split_motion(ufl.dot(ufl.grad(q), tangent(mesh)))
 
         # Bending stretches a centroid that is off the line, and twist shifts it sideways.
         shift = -offset * ufl.dot(slope_turn, z) * t
         if twist_shifts:
             shift = shift + offset * ufl.dot(slope_turn, t) * z
         stretch = slope_u + shift - ufl.cross(rotation, t)
-        forces = [root * ufl.dot(stretch, axis) for root, axis in of_force]
-        return ufl.as_vector(
-            forces + [root * ufl.dot(slope_turn, axis) for root, axis in of_moment]
-        )
+        forces = [factor * ufl.dot(stretch, axis) for factor, axis in of_force]
+        moments = [factor * ufl.dot(slope_turn, axis) for factor, axis in of_moment]
+        return ufl.as_vector(forces + moments)
 
     rhoA = coefficient(mesh, parts, lambda b: b.rho * b.section.A)
     inertias = [
@@ -183,8 +171,8 @@ def line_weak_form(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False)
         (coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.I)), z),
     ]
 
-    u, rotation = split_motion(mesh, w)
-    u_v, turn_v = split_motion(mesh, v)
+    u, rotation = split_motion(w)
+    u_v, turn_v = split_motion(v)
     centroid = u + offset * ufl.cross(rotation, y)
     centroid_v = u_v + offset * ufl.cross(turn_v, y)
     motion = rhoA * ufl.dot(centroid, centroid_v)
@@ -260,7 +248,7 @@ def height_directions(beam: Beam, axis: Array, middle: Array) -> Array:
     length = np.linalg.norm(height, axis=1, keepdims=True)
     parallel = np.linalg.norm(np.cross(axis, height), axis=1) <= 1e-4 * length[:, 0]
     if parallel.any():
-        direction_text = "" if beam.orientation is None else shown_direction(beam.orientation)
+        direction_text = shown_direction(beam.orientation)
         raise InputError(
             f"the orientation{direction_text} is parallel to the axis of {int(parallel.sum())} "
             "beam elements: choose a direction that is not parallel to any of them, or give these "

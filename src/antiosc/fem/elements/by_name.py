@@ -12,6 +12,12 @@ from antiosc.fem.elements.shell import Shell
 from antiosc.fem.elements.solid import AnisotropicSolid, Solid
 from antiosc.fem.elements.weak_form import Direction
 
+#: What a material takes of its record, by the same names.
+CONSTANTS = (
+    *("name", "source", "E", "nu", "rho"),
+    *("yield_strength", "yield_range", "rate", "brittle", "tensile"),
+)
+
 
 def material(
     name: str,
@@ -73,23 +79,11 @@ def material(
         if overrides or thickness is not None or section is not None:
             raise InputError(
                 f"{record.name} has directions: give its constants to "
-                "AnisotropicSolid.orthotropic, "
-                "or those of a ply to Layer."
+                "AnisotropicSolid.orthotropic, or those of a ply to Layer."
             )
         return AnisotropicSolid.orthotropic(record.E, record.nu, record.G, record.rho)
 
-    constants: dict[str, Any] = {
-        "E": record.E,
-        "nu": record.nu,
-        "rho": record.rho,
-        "yield_strength": record.yield_strength,
-        "yield_range": record.yield_range,
-        "rate": record.rate,
-        "brittle": record.brittle,
-        "tensile": record.tensile,
-        "name": record.name,
-        "source": record.source,
-    }
+    constants: dict[str, Any] = {key: getattr(record, key) for key in CONSTANTS}
     if "yield_strength" in overrides:
         constants |= {"yield_range": None, "brittle": False, "tensile": None}
         constants["rate"] = record.rate and record.rate[:2]  # in proportion to this strength

@@ -19,8 +19,15 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.elements.beam import Beam, Truss, axes_of_beams, split_motion
-from antiosc.fem.elements.shell import Frame, Sheet, frames, section_fields, strains_of
+from antiosc.fem.elements.beam import Beam, Truss, axes_of_beams
+from antiosc.fem.elements.shell import (
+    Frame,
+    Sheet,
+    frames,
+    section_fields,
+    strains_of,
+    tangential_slopes,
+)
 from antiosc.fem.elements.solid import (
     VOIGT_PAIRS,
     AnisotropicSolid,
@@ -30,7 +37,7 @@ from antiosc.fem.elements.solid import (
     voigt_stiffness,
     voigt_strain,
 )
-from antiosc.fem.elements.weak_form import Material, Parts, coefficient, tangent
+from antiosc.fem.elements.weak_form import Material, Parts, coefficient, split_motion, tangent
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 
@@ -49,16 +56,8 @@ def solid_eta(a: Expr, b: Expr) -> Expr:
 
 def sheet_eta(frame: Frame, a: Expr, b: Expr) -> Expr:
     """Second-order strain (η11, η22, 2 η12) in a sheet's frame, of motions of six components."""
-    (a1, a2), (b1, b2) = (tangential_slopes(frame, motion) for motion in (a, b))
+    (a1, a2), (b1, b2) = (tangential_slopes(frame, split_motion(motion)[0]) for motion in (a, b))
     return ufl.as_vector([ufl.dot(a1, b1), ufl.dot(a2, b2), ufl.dot(a1, b2) + ufl.dot(a2, b1)])
-
-
-def tangential_slopes(frame: Frame, motion: Expr) -> tuple[Expr, Expr]:
-    """Derivatives (3,) of the displacement along e1 and along e2."""
-    u = ufl.as_vector([motion[i] for i in range(3)])
-    slopes = ufl.dot(ufl.grad(u), ufl.transpose(frame.along))
-    first, second = (ufl.as_vector([slopes[i, j] for i in range(3)]) for j in (0, 1))
-    return first, second
 
 
 class SecondOrderStrain(NamedTuple):
@@ -151,7 +150,7 @@ def _beam_strain(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
     axes = axes_of_beams(mesh, parts)
 
     def slopes(q: Expr) -> tuple[Expr, Expr]:
-        return split_motion(mesh, ufl.dot(ufl.grad(q), tangent(mesh)))
+        return split_motion(ufl.dot(ufl.grad(q), tangent(mesh)))
 
     def strain(q: Expr) -> Expr:
         u, rotation = slopes(q)
@@ -212,17 +211,13 @@ def _with_ghosts(part: MeshedStructure, motion: Array) -> Array:
 
 def is_flat(part: MeshedStructure) -> bool:
     """Whether all nodes of a part made of sheets lie in one plane."""
-    x = part.mesh.dolfinx.geometry.x
-    thickness = min(material.section.thickness for material, _ in part.parts)
-    return part.mesh.gdim == 2 or _out_of_plane(part.comm.allgather(x)) <= FLATNESS * thickness
-
-
-def _out_of_plane(points: list[Array]) -> float:
-    """Largest distance [m] of points from the plane fitted to them."""
-    x = np.vstack(points)
+    if part.mesh.gdim == 2:
+        return True
+    x = np.vstack(part.comm.allgather(part.mesh.dolfinx.geometry.x))
     x = x - x.mean(axis=0)
-    normal = np.linalg.svd(x, full_matrices=False)[2][2]
-    return float(np.abs(x @ normal).max(initial=0.0))
+    normal = np.linalg.svd(x, full_matrices=False)[2][2]  # of the plane fitted to them
+    thickness = min(material.section.thickness for material, _ in part.parts)
+    return bool(np.abs(x @ normal).max(initial=0.0) <= FLATNESS * thickness)
 
 
 # -- The same at Gauss points, as arrays, for membrane stretching.
@@ -290,9 +285,8 @@ class PartPoints:
     def load(self, strained: Array, pushed: Array) -> Array:
         """Nodal forces (dofs,), also on fixed dofs, of the work Σ strained·ε(w) + pushed·∇w."""
         if len(self.strain) == 1:
-            stress = (strained @ self.strain[0].reshape(strained.shape[1], -1)).reshape(
-                pushed.shape
-            )
+            strain = self.strain[0].reshape(strained.shape[1], -1)
+            stress = (strained @ strain).reshape(pushed.shape)
         else:
             stress = np.einsum("nsdb,ns->ndb", self.strain, strained, optimize=True)
         stress += pushed
@@ -351,12 +345,9 @@ def _points_by_rule(part: MeshedStructure, degree: int) -> PartPoints:
     derivatives = local.along @ np.swapaxes(slopes @ np.linalg.pinv(J), 1, 2)
     n, d, functions = derivatives.shape
     nodes = compat.cell_dofs(space, (0,), cells) // part.block
+    rows = functions * np.arange(n * d + 1)
     gradient = scipy.sparse.csr_matrix(
-        (
-            derivatives.ravel(),
-            np.repeat(nodes, d, axis=0).ravel(),
-            functions * np.arange(n * d + 1),
-        ),
+        (derivatives.ravel(), np.repeat(nodes, d, axis=0).ravel(), rows),
         shape=(n * d, len(space.tabulate_dof_coordinates())),
     )
 

@@ -37,7 +37,9 @@ from antiosc.fem.elements.weak_form import (
     axes_and_sides,
     coefficient,
     compat,
+    jacobian_columns,
     measure,
+    split_motion,
     ufl,
 )
 
@@ -117,9 +119,7 @@ class SurfaceStrains(NamedTuple):
 
 def frames(mesh: Mesh, parts: Parts) -> Frame:
     """The frame at every point; e1 follows the axis of a laminate, if it has one."""
-    J = ufl.Jacobian(mesh.dolfinx)
-    zeros = [0] * (3 - mesh.gdim)
-    a, b = (ufl.as_vector([*(J[i, j] for i in range(mesh.gdim)), *zeros]) for j in (0, 1))
+    a, b = jacobian_columns(mesh)
     normal = ufl.cross(a, b)
     area = ufl.sqrt(ufl.dot(normal, normal))
     n = normal / area
@@ -132,9 +132,11 @@ def frames(mesh: Mesh, parts: Parts) -> Frame:
     return Frame(e1, e2, n, tangents)
 
 
-def _split_motion(w: Expr) -> tuple[Expr, Expr]:
-    """(displacement (3,), rotation (3,)) of a trial or test function."""
-    return ufl.as_vector([w[i] for i in range(3)]), ufl.as_vector([w[i] for i in range(3, 6)])
+def tangential_slopes(frame: Frame, vector: Expr) -> tuple[Expr, Expr]:
+    """Derivatives (3,) of a vector (3,) along e1 and along e2."""
+    slopes = ufl.dot(ufl.grad(vector), ufl.transpose(frame.along))
+    first, second = (ufl.as_vector([slopes[i, j] for i in range(3)]) for j in (0, 1))
+    return first, second
 
 
 def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> SurfaceStrains:
@@ -142,17 +144,10 @@ def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> SurfaceStrains:
     e1 = frame.e1
     e2 = frame.e2
     n = frame.n
-    u, rotation = _split_motion(w)
+    u, rotation = split_motion(w)
 
-    # columns: the derivatives along e1 and e2
-    du = ufl.dot(ufl.grad(u), ufl.transpose(frame.along))
-    dr = ufl.dot(ufl.grad(rotation), ufl.transpose(frame.along))
-
-    def columns(motion: Expr) -> tuple[Expr, Expr]:
-        return tuple(ufl.as_vector([motion[i, j] for i in range(3)]) for j in (0, 1))  # type: ignore
-
-    u1, u2 = columns(du)
-    r1, r2 = columns(dr)
+    u1, u2 = tangential_slopes(frame, u)
+    r1, r2 = tangential_slopes(frame, rotation)
     gradient = ufl.as_matrix(
         [[ufl.dot(e1, u1), ufl.dot(e1, u2)], [ufl.dot(e2, u1), ufl.dot(e2, u2)]]
     )
@@ -199,16 +194,15 @@ def energies(
 
 def inertia(section: SectionFields, frame: Frame, w: Expr, v: Expr) -> Expr:
     """Density of the mass form of a shell: motions u + z θ×n, and drilling rotations θ·n."""
-    u, rotation = _split_motion(w)
-    u_v, turn_v = _split_motion(v)
+    u, rotation = split_motion(w)
+    u_v, turn_v = split_motion(v)
     motion = section.I0 * ufl.dot(u, u_v) + section.I2 * ufl.dot(rotation, turn_v)
 
     if section.I1 is not None:
-        offset_product = ufl.dot(u, ufl.cross(turn_v, frame.n)) + ufl.dot(
-            ufl.cross(rotation, frame.n), u_v
-        )
-        motion += section.I1 * offset_product
-        about_n = ufl.dot(rotation, frame.n) * ufl.dot(turn_v, frame.n)
+        n = frame.n
+        shifted = ufl.dot(u, ufl.cross(turn_v, n)) + ufl.dot(ufl.cross(rotation, n), u_v)
+        motion += section.I1 * shifted
+        about_n = ufl.dot(rotation, n) * ufl.dot(turn_v, n)
         motion += (section.spin - section.I2) * about_n
 
     return motion
@@ -265,10 +259,8 @@ def dropped_shear(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Ex
 
     R projects cubics to quadratics with the same moments along edges; n is taken as constant.
     """
-    J = ufl.Jacobian(mesh.dolfinx)
     inverse = ufl.JacobianInverse(mesh.dolfinx)
-    zeros = [0] * (3 - mesh.gdim)
-    axes = [ufl.as_vector([*(J[i, a] for i in range(mesh.gdim)), *zeros]) for a in (0, 1)]
+    axes = jacobian_columns(mesh)
     third = compat.reference_derivatives(motion, 3)
 
     # the sums at each monomial are constants of a flat cell; powers of 3 would be calls in C

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import sqrt
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -105,20 +105,13 @@ class Solid(Isotropic):
 
 def depth_of(mesh: Mesh, parts: Parts) -> Expr:
     """Thickness [m] of plane parts, and 1 for other parts, as a UFL coefficient."""
-
-    def depth(solid: Family) -> float:
-        plane = getattr(solid, "plane", None)
-        if plane is None:
-            return 1.0
-        return cast("Solid", solid).thickness
-
-    return coefficient(mesh, parts, depth)
+    return coefficient(mesh, parts, lambda s: s.thickness if getattr(s, "plane", None) else 1.0)
 
 
 def isotropic_stress(mesh: Mesh, parts: Parts) -> Callable[[Expr], Expr]:
     """Function that gives the stress of isotropic solids for a strain (UFL)."""
     lame = coefficient(mesh, parts, _first_lame)
-    shear = coefficient(mesh, parts, lambda s: s.E / (2 * (1 + s.nu)))
+    shear = coefficient(mesh, parts, lambda s: s.G)
 
     def stress(strain: Expr) -> Expr:
         return lame * ufl.tr(strain) * ufl.Identity(mesh.gdim) + 2 * shear * strain

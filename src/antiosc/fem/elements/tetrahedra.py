@@ -183,9 +183,8 @@ class CurvedCells(Cells):
 
     def blocks(self, k: float, m: float) -> Array:
         count = len(self.nodes)
-        points = self._points.transpose(0, 2, 1).reshape(-1, len(self._gradients), POINT_DATA_SIZE)[
-            :count
-        ]
+        shape = -1, len(self._gradients), POINT_DATA_SIZE
+        points = self._points.transpose(0, 2, 1).reshape(shape)[:count]
         masses = self._masses.transpose(0, 2, 1).reshape(-1, len(self._values))[:count]
         inverse = points[:, :, :9].reshape(count, -1, 3, 3)
 
@@ -226,11 +225,10 @@ def _mean_gradient_products(slopes: Array, ends: Sequence[int]) -> Array:
         return np.asarray(0.6 * g[:, :, None] * g[:, None])
 
     h = slopes[:, ends[1]]
-    gradient_sum = g + h  # 2 gg + 2 hh + gh + hg = gg + hh + (g + h)(g + h)
 
-    return np.asarray(
-        0.8 * sum(vector[:, :, None] * vector[:, None] for vector in (g, h, gradient_sum))
-    )
+    # 2 gg + 2 hh + gh + hg = gg + hh + (g + h)(g + h)
+    squares = [vector[:, :, None] * vector[:, None] for vector in (g, h, g + h)]
+    return np.asarray(0.8 * sum(squares))
 
 
 def material_constants(parts: Parts, count: int) -> Array:
@@ -248,9 +246,8 @@ def padded_lanes(values: Array) -> Array:
     groups = -(-len(values) // SIMD_LANES)
     full = np.zeros((groups * SIMD_LANES, values.shape[1]), values.dtype)
     full[: len(values)] = values
-    return np.ascontiguousarray(
-        full.reshape(groups, SIMD_LANES, values.shape[1]).transpose(0, 2, 1)
-    )
+    lanes = full.reshape(groups, SIMD_LANES, values.shape[1])
+    return np.ascontiguousarray(lanes.transpose(0, 2, 1))
 
 
 class CTetra(Structure):
@@ -387,7 +384,7 @@ class Tetrahedra:
 
     def blocks(self, k: float, m: float) -> Array:
         """The diagonal 3×3 blocks of k K + m M, (rows of this rank, 3)."""
-        result = np.array(compat.ghosts_added(self._form.space, self._node_blocks(k, m)))
+        result = compat.ghosts_added(self._form.space, self._node_blocks(k, m))
         for factor, matrix in self._matrices(k, m):
             _add_blocks(result, factor, matrix)
         blocks = result.reshape(-1, 3, 3)
@@ -420,6 +417,7 @@ class Tetrahedra:
     ) -> PETSc.Mat:
         """k K + m M of a form, with boundary conditions and added matrices."""
         total: PETSc.Mat | None = None
+        pattern = PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN
         for factor, forms, added_matrix, diagonal in zip(
             (k, m), (form.stiffness, form.mass), added, (1.0, 0.0), strict=True
         ):
@@ -428,15 +426,13 @@ class Tetrahedra:
             matrix = compat.assemble(forms, form.space, conditions, diagonal)
             if self.carries:
                 # an interpolation stores zeros, by which points meet cells beside their own
-                matrix.axpy(
-                    1.0, added_matrix, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN
-                )
+                matrix.axpy(1.0, added_matrix, structure=pattern)
             if factor != 1.0:
                 matrix.scale(factor)
             if total is None:
                 total = matrix
             else:
-                total.axpy(1.0, matrix, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
+                total.axpy(1.0, matrix, structure=pattern)
 
         return total
 

@@ -13,7 +13,7 @@ does not show in the energy.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from importlib import import_module
 from math import sqrt
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
@@ -308,16 +308,12 @@ def _checked_prony(name: str, value: object) -> tuple[tuple[float, float], ...]:
     return tuple((ratio, tau) for ratio, tau in pairs.tolist())
 
 
-def _checked_pair(name: str, value: object, unit: str = "") -> tuple[float, float]:
-    """Two ascending numbers > 0."""
+def _checked_range(name: str, value: object) -> tuple[float, float]:
+    """Two ascending stresses > 0 [Pa]."""
     low, high = floats(name, value, (2,)).tolist()
-    if positive(f"the lower end of {name}", low, unit) > high:
+    if positive(f"the lower end of {name}", low, "Pa") > high:
         raise InputError(f"{name} must ascend; got {low:g} to {high:g}.")
     return low, high
-
-
-def _checked_text(name: str, value: object) -> str:
-    return instance(name, value, str, "a text")
 
 
 def _checked_rate(name: str, value: object) -> tuple[float, ...]:
@@ -330,6 +326,10 @@ def _checked_rate(name: str, value: object) -> tuple[float, ...]:
         )
 
     return numbers
+
+
+_RANGE_CHECK = checked_by(_checked_range)
+_TEXT_CHECK = checked_by(instance, str, "a text")
 
 
 @dataclass(frozen=True)
@@ -352,25 +352,16 @@ class Isotropic(Checked):
     E: float = field(metadata=checked_by(positive, "Pa"))
     nu: float = field(metadata=checked_by(lambda _, nu: poisson(nu)))
     rho: float = field(metadata=checked_by(positive, "kg/m³"))
-    yield_strength: float | None = field(
-        default=None, kw_only=True, metadata=checked_by(positive, "Pa")
-    )
-    loss: float = field(default=0.0, kw_only=True, metadata=checked_by(nonnegative))
-    prony: Sequence[tuple[float, float]] = field(
-        default=(), kw_only=True, metadata=checked_by(_checked_prony)
-    )
-    yield_range: tuple[float, float] | None = field(
-        default=None, kw_only=True, metadata=checked_by(_checked_pair, "Pa")
-    )
-    rate: tuple[float, ...] | None = field(
-        default=None, kw_only=True, metadata=checked_by(_checked_rate)
-    )
-    brittle: bool = field(default=False, kw_only=True, metadata=checked_by(flag))
-    tensile: tuple[float, float] | None = field(
-        default=None, kw_only=True, metadata=checked_by(_checked_pair, "Pa")
-    )
-    name: str = field(default="", kw_only=True, metadata=checked_by(_checked_text))
-    source: str = field(default="", kw_only=True, repr=False, metadata=checked_by(_checked_text))
+    _: KW_ONLY
+    yield_strength: float | None = field(default=None, metadata=checked_by(positive, "Pa"))
+    loss: float = field(default=0.0, metadata=checked_by(nonnegative))
+    prony: Sequence[tuple[float, float]] = field(default=(), metadata=checked_by(_checked_prony))
+    yield_range: tuple[float, float] | None = field(default=None, metadata=_RANGE_CHECK)
+    rate: tuple[float, ...] | None = field(default=None, metadata=checked_by(_checked_rate))
+    brittle: bool = field(default=False, metadata=checked_by(flag))
+    tensile: tuple[float, float] | None = field(default=None, metadata=_RANGE_CHECK)
+    name: str = field(default="", metadata=_TEXT_CHECK)
+    source: str = field(default="", repr=False, metadata=_TEXT_CHECK)
 
     @property
     def G(self) -> float:
@@ -424,6 +415,24 @@ def measure(mesh: Mesh, degree: int | None) -> ufl.Measure:
     """UFL measure over the cells with a fixed quadrature degree (None: UFL's estimate)."""
     metadata = {} if degree is None else {"quadrature_degree": degree}
     return ufl.Measure("dx", domain=mesh.dolfinx, metadata=metadata)
+
+
+def in_space(components: Sequence[Expr]) -> Expr:
+    """The components as a vector (3,), with zeros where they are missing (UFL)."""
+    return ufl.as_vector([*components, *[0] * (3 - len(components))])
+
+
+def jacobian_columns(mesh: Mesh) -> list[Expr]:
+    """Derivatives (3,) of the points of a mesh of faces along the two reference axes (UFL)."""
+    J = ufl.Jacobian(mesh.dolfinx)
+    return [in_space([J[i, axis] for i in range(mesh.gdim)]) for axis in (0, 1)]
+
+
+def split_motion(q: Expr) -> tuple[Expr, Expr]:
+    """(displacement (3,), rotation (3,)) of a motion of beams or sheets, or of its slope (UFL)."""
+    if len(q) == 3:  # of beams in a plane
+        return ufl.as_vector([q[0], q[1], 0]), ufl.as_vector([0, 0, q[2]])
+    return ufl.as_vector([q[i] for i in range(3)]), ufl.as_vector([q[i] for i in range(3, 6)])
 
 
 def tangent(mesh: Mesh) -> Expr:

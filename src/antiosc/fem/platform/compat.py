@@ -241,11 +241,8 @@ def interpolation_from_linear(
     coarse_columns = np.repeat(from_nodes[place], size, axis=0)
     component = np.tile(np.arange(size), owned_nodes)[:, None]
     columns = size * np.repeat(coarse[cell], size, axis=0) + component
-    rows = (
-        ends.astype(PETSc.IntType),
-        global_dofs(linear, columns[coarse_columns]),
-        values[coarse_columns],
-    )
+    numbers = global_dofs(linear, columns[coarse_columns])
+    rows = ends.astype(PETSc.IntType), numbers, values[coarse_columns]
     sizes = [(local_size(space_here), None) for space_here in (space, linear)]
     matrix = PETSc.Mat().createAIJ(sizes, bsize=size, csr=rows, comm=communicator(space.mesh))
     matrix.assemble()
@@ -437,11 +434,7 @@ def _assembled(form: fem.Form, rows: int) -> Array:
 
 
 def cell_energies(
-    forms: Sequence[ufl.Form],
-    space: fem.FunctionSpace,
-    vectors: Array,
-    weights: Array,
-    degree: int,
+    forms: Sequence[ufl.Form], space: fem.FunctionSpace, vectors: Array, weights: Array, degree: int
 ) -> Array:
     """Σ of weight × xᵀ A_c x over columns x of `vectors`, (cells,) for the cells c of this rank.
 
@@ -551,18 +544,8 @@ def with_ghosts(space: fem.FunctionSpace, block: Array) -> Array:
     return result
 
 
-def function_of(space: fem.FunctionSpace, values: Array) -> fem.Function:
-    """The function with these values at the dofs of this rank."""
-    function = fem.Function(space)
-    function.x.array[: len(values)] = values
-    function.x.scatter_forward()
-    return function
-
-
 def ghosts_added(space: fem.FunctionSpace, block: Array) -> Array:
     """Columns on the owned dofs of this rank, with the values at ghosts on other ranks added."""
-    if communicator(space.mesh).size == 1:
-        return block
     result = np.array(block, dtype=float)
     Exchange(space).add(result)
     return result[: local_size(space)]

@@ -33,10 +33,18 @@ from antiosc.base.errors import AccuracyError, InputError, NotConvergedError
 from antiosc.base.process import one_thread
 from antiosc.base.progress import doing
 from antiosc.fem.elements.beam import Beam, Truss, axes_of_beams
-from antiosc.fem.elements.second_order import second_order_strain, tangential_slopes
-from antiosc.fem.elements.shell import frames, section_fields
+from antiosc.fem.elements.second_order import second_order_strain
+from antiosc.fem.elements.shell import frames, section_fields, tangential_slopes
 from antiosc.fem.elements.solid import depth_of
-from antiosc.fem.elements.weak_form import Parts, axes_and_sides, coefficient, measure
+from antiosc.fem.elements.weak_form import (
+    Parts,
+    axes_and_sides,
+    coefficient,
+    in_space,
+    jacobian_columns,
+    measure,
+    split_motion,
+)
 from antiosc.fem.linalg import solver_for
 from antiosc.fem.linalg.algebra import diagonal, dot, free_when_dropped, multiply, sum_of
 from antiosc.fem.linalg.petsc_algebra import use_inverse
@@ -82,7 +90,7 @@ class LoadedPart:
         self.part = part
         form = part.form
         mesh = part.mesh
-        self._u = compat.function_of(form.space, np.zeros(part.rows))
+        self._u = dolfinx.fem.Function(form.space)
         if part.stiffeners:
             raise InputError(
                 "a prestress does not take a sheet with beams on its edges: leave them or the "
@@ -177,7 +185,7 @@ def tendon(part: MeshedStructure, name: str) -> tuple[Array, float, float]:
 
 
 def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
-    """Constant forces on groups (rows of this rank,)."""
+    """Constant forces on groups (rows of this rank,), also on fixed dofs."""
     forces = np.zeros(part.rows)
     for group, resultant in loads.force.items():
         force = np.array(resultant)
@@ -189,7 +197,7 @@ def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
         column = load_columns(part.comm, part.form, points, force[None])
         forces += column.toarray()[:, 0]
 
-    return zero_on_fixed(part, forces)
+    return forces
 
 
 def _loaded_points(part: MeshedStructure, group: str) -> Points:
@@ -251,20 +259,13 @@ def pressure_energy(
 
     frame = frames(mesh, parts)
     _, side = axes_and_sides(mesh, parts)
-    J = ufl.Jacobian(mesh.dolfinx)
-    a, b = (_in_space([J[i, j] for i in range(mesh.gdim)]) for j in (0, 1))
-    normal = ufl.cross(a, b)
+    normal = ufl.cross(*jacobian_columns(mesh))
     to_top = side * ufl.sign(ufl.dot(normal, frame.n))
-    displacement = ufl.as_vector([u[i] for i in range(3)])
-    u1, u2 = tangential_slopes(frame, u)
+    displacement, _ = split_motion(u)
+    u1, u2 = tangential_slopes(frame, displacement)
     normal_change = ufl.cross(u1, frame.e2) + ufl.cross(frame.e1, u2)
     work = ufl.dot(displacement, frame.n) + ufl.dot(displacement, normal_change) / 2
     return factor * to_top * work * dx
-
-
-def _in_space(components: list[Expr]) -> Expr:
-    """The components as a vector (3,), with zeros where they are missing."""
-    return ufl.as_vector([*components, *[0] * (3 - len(components))])
 
 
 def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) -> ufl.Form:
@@ -272,11 +273,11 @@ def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) ->
     S = ufl.as_matrix(spin.stiffness.tolist())
     spin_origin = np.array(spin.about)
     x = ufl.SpatialCoordinate(mesh.dolfinx)
-    position = _in_space([x[i] - float(spin_origin[i]) + u[i] for i in range(mesh.gdim)])
+    position = in_space([x[i] - float(spin_origin[i]) + u[i] for i in range(mesh.gdim)])
     dx = measure(mesh, LOAD_DEGREE + 1)
     energy = density * ufl.dot(position, S * position) / 2
     for direction, first, second in _mass_fibres(mesh, parts):
-        rotation = ufl.as_vector([u[i] for i in range(3, 6)])
+        _, rotation = split_motion(u)
         rotated = ufl.cross(rotation, direction)
         arm = direction + rotated + ufl.cross(rotation, rotated) / 2
         energy += first * ufl.dot(position, S * arm) + second * ufl.dot(arm, S * arm) / 2
@@ -437,8 +438,7 @@ def buckling_factor(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float
     if not eps.getConverged():
         raise NotConvergedError(
             f"SLEPc did not find the buckling load within {MOST_RESTARTS} restarts: refine the "
-            "mesh, or "
-            "leave prestress out."
+            "mesh, or leave prestress out."
         )
     value = eps.getEigenvalue(0).real
     eps.destroy()
