@@ -123,10 +123,9 @@ def _scaled_rows(constraints: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
     nonzero = size > 0
     units = scipy.sparse.identity(len(fixed), format="csr")[np.flatnonzero(fixed)]
     units = scipy.sparse.diags(1 / scale[fixed]) @ units
+    scaled = scipy.sparse.diags(1 / size[nonzero]) @ constraints[nonzero]
 
-    return scipy.sparse.vstack(
-        [scipy.sparse.diags(1 / size[nonzero]) @ constraints[nonzero], units]
-    ).tocsr()
+    return scipy.sparse.vstack([scaled, units]).tocsr()
 
 
 def _null_space(E: Array | Sparse) -> Array:
@@ -173,8 +172,7 @@ def modes_and_shift(
         massless = motions @ rotation[:, values <= MASSLESS_SHARE * values[-1]]
         raise InputError(
             f"the reference point {body_names(moving_bodies(bodies, eliminated.T @ massless))} "
-            "moves "
-            "without resistance and without mass: join it, support it, or give it a mass."
+            "moves without resistance and without mass: join it, support it, or give it a mass."
         )
 
     if not modes.shape[1]:
@@ -184,7 +182,7 @@ def modes_and_shift(
     least = REST_SHARE * np.abs(u).max()
     for member in layout.members.values():
         r = u[member.rows][:, np.abs(u[member.rows]).max(axis=0) > least]
-        ratios = force_ratios(member.part.K, r, multiply(member.part.K, r)) if r.size else r
+        ratios = force_ratios(member.part.K, r) if r.size else r
         if ratios.max(initial=0.0) > MECHANISM_FORCE:
             raise AccuracyError(
                 "a motion that no joint resists strains the assembly (‖K r‖/(‖K‖‖r‖) = "
@@ -364,14 +362,6 @@ def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:
     return scipy.sparse.vstack([Sparse((0, count)), *functionals]).tocsr()
 
 
-def block_size(layout: Layout) -> int:
-    """Number of dofs per node if all parts have the same, else 1: half a node orders badly."""
-    blocks = {m.block for m in layout.members.values()}
-    if len(blocks) > 1 or layout.condensed:
-        return 1
-    return int(np.gcd(blocks.pop(), POINT_DOFS if layout.points else 0))
-
-
 def reduced_matrices(
     layout: Layout, eliminated: Eliminated, added: AddedTerms
 ) -> tuple[PETSc.Mat, PETSc.Mat]:
@@ -422,10 +412,12 @@ def product_by_parts(
 
 
 def as_petsc(name: str, matrix: Sparse, layout: Layout) -> PETSc.Mat:
-    """A matrix (n, n) of q in PETSc, with the block size of the nodes."""
+    """A matrix (n, n) of q in PETSc, with the block size of the nodes if all parts have one."""
     result = from_csr(name, matrix)
-    block = block_size(layout)
-    result.setBlockSizes(block, block)
+    blocks = {member.block for member in layout.members.values()}
+    if len(blocks) == 1 and not layout.condensed:  # half a node orders badly
+        block = int(np.gcd(blocks.pop(), POINT_DOFS if layout.points else 0))
+        result.setBlockSizes(block, block)
     return result
 
 
@@ -441,11 +433,9 @@ def _stiffness_operator(layout: Layout, T: Sparse, small: Sparse) -> Callable[[A
     """Function q (n, k) -> (Tᵀ K T + small) q, by the matrices K of the parts."""
     transposed = T.T.tocsr()
 
-    def force(part: MeshedStructure, u: Array) -> Array:
-        return multiply(part.K, u)
-
     def product(q: Array) -> Array:
-        return np.asarray(transposed @ product_by_parts(layout, force, T @ q) + small @ q)
+        forces = product_by_parts(layout, lambda part, u: multiply(part.K, u), T @ q)
+        return np.asarray(transposed @ forces + small @ q)
 
     return product
 

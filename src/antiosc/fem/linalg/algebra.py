@@ -186,9 +186,14 @@ def conjugate_gradients(
 # equal weight. In an unscaled norm one penalty, or one unit, would hide all others.
 
 
+def column_products(comm: MPI.Comm, X: Array, Y: Array) -> Array:
+    """xᵀy over all ranks of vectors as columns of X and Y (rows, k): (k,)."""
+    return np.asarray(comm.allreduce(np.einsum("ij,ij->j", X, Y)))
+
+
 def norms(comm: MPI.Comm, X: Array) -> Array:
     """Euclidean norms over all ranks of vectors as columns (rows, k): (k,)."""
-    return np.sqrt(np.asarray(comm.allreduce(np.einsum("ij,ij->j", X, X))))
+    return np.sqrt(column_products(comm, X, X))
 
 
 def diagonal_roots(matrix: Matrix) -> Array:
@@ -201,19 +206,18 @@ def diagonal_roots(matrix: Matrix) -> Array:
     return result
 
 
-def force_ratios(matrix: Matrix, X: Array, product: Array) -> Array:
-    """‖A x/√D‖ / ‖√D x‖ of columns x (k,), 1e-16 for null vectors; `product` is A X."""
+def force_ratios(matrix: Matrix, X: Array) -> Array:
+    """‖A x/√D‖ / ‖√D x‖ of columns x (k,), 1e-16 for null vectors."""
     comm = communicator(matrix)
     root = diagonal_roots(matrix)[:, None]
-    return norms(comm, product / root) / norms(comm, root * X)
+    return norms(comm, multiply(matrix, X) / root) / norms(comm, root * X)
 
 
-def energy_ratios(matrix: Matrix, X: Array, product: Array) -> Array:
+def energy_ratios(matrix: Matrix, X: Array) -> Array:
     """xᵀA x / xᵀD x of columns x (k,), ±1e-16 for a null vector, whatever its small errors."""
     comm = communicator(matrix)
-    root = diagonal_roots(matrix)[:, None]
-    energy = np.asarray(comm.allreduce(np.einsum("ij,ij->j", X, product)))
-    return np.asarray(energy / norms(comm, root * X) ** 2)
+    energy = column_products(comm, X, multiply(matrix, X))
+    return energy / norms(comm, diagonal_roots(matrix)[:, None] * X) ** 2
 
 
 def typical_eigenvalue(K: Matrix, M: Matrix) -> float:

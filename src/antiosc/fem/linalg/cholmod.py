@@ -304,18 +304,16 @@ class Cholesky:
         assert self._matrix is not None
 
         with without_openmp(), blas_threads(self._fronts()):
-            succeeded = memory.lib.cholmod_l_factorize(
-                byref(self._matrix), memory.factor, byref(common)
-            )
+            arguments = byref(self._matrix), memory.factor, byref(common)
+            succeeded = memory.lib.cholmod_l_factorize(*arguments)
 
         factor = memory.factor.contents
         if not succeeded or not factor.is_super or not factor.x:
             what = f"the Cholesky factor of {factor.n} rows"
             raise call_error(common, what, 8.0 * factor.xsize)
         if factor.minor < factor.n:
-            raise NotPositiveDefiniteError(
-                f"column {factor.minor} of {factor.n} is not positive definite"
-            )
+            column = f"column {factor.minor} of {factor.n}"
+            raise NotPositiveDefiniteError(f"{column} is not positive definite")
 
         self._matrix, self._arrays = None, ()
         return self

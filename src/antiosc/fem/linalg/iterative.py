@@ -291,10 +291,8 @@ class Cycle:
         self._real: Any = np.float32 if uses_cells(A) else np.float64
         self._inverse = inverse_blocks(A).astype(self._real)
         largest = EIGENVALUE_MARGIN * self._largest()
-        self._middle, self._half = (
-            (1 + LOWEST_SMOOTHED) / 2 * largest,
-            (1 - LOWEST_SMOOTHED) / 2 * largest,
-        )
+        self._middle = (1 + LOWEST_SMOOTHED) / 2 * largest
+        self._half = (1 - LOWEST_SMOOTHED) / 2 * largest
 
     def _largest(self) -> float:
         """Estimate of the largest eigenvalue of D⁻¹A, D the diagonal blocks."""
@@ -384,21 +382,15 @@ VERTEX_WEIGHT = 0.99
 FIXED_WEIGHT = 0.01
 
 
-def vertex_mask(P: PETSc.Mat) -> BoolArray:
-    """Mask of the rows of P on this rank that belong to nodes of the coarse mesh."""
-    pointers, _, values = P.getValuesCSR()
-    rows = np.repeat(np.arange(len(pointers) - 1), np.diff(pointers))
-    result = np.zeros(len(pointers) - 1, dtype=bool)
-    result[rows[values > VERTEX_WEIGHT]] = True
-    return result
-
-
 def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
     """`motions` (rows, r) of the fine dofs, taken at the coarse dofs: (coarse rows, r)."""
     coarse, fine = P.createVecs()
     result = np.empty((coarse.getLocalSize(), motions.shape[1]))
 
-    vertex_rows = vertex_mask(P)
+    pointers, _, values = P.getValuesCSR()
+    rows = np.repeat(np.arange(len(pointers) - 1), np.diff(pointers))
+    vertex_rows = np.bincount(rows, values > VERTEX_WEIGHT, len(pointers) - 1) > 0
+
     for k, column in enumerate(motions.T):
         fine.setArray(np.where(vertex_rows, column, 0.0))
         P.multTranspose(fine, coarse)

@@ -133,11 +133,8 @@ def from_csr(name: str, matrix: scipy.sparse.csr_matrix) -> PETSc.Mat:
     if max(matrix.shape[0], matrix.nnz) > np.iinfo(PETSc.IntType).max:
         raise InputError(f"{name} has {matrix.nnz} entries, more than this PETSc's integers count.")
 
-    arrays = (
-        matrix.indptr.astype(PETSc.IntType),
-        matrix.indices.astype(PETSc.IntType),
-        matrix.data,
-    )
+    pointers, columns = (part.astype(PETSc.IntType) for part in (matrix.indptr, matrix.indices))
+    arrays = pointers, columns, matrix.data
     result = PETSc.Mat().createAIJ(matrix.shape, csr=arrays, comm=PETSc.COMM_SELF)
     result.assemble()
     return result
@@ -205,9 +202,8 @@ def multiply(matrix: PETSc.Mat, x: Array) -> Array:
 
     source, target = matrix.createVecs()
     result = np.empty((target.getLocalSize(), *x.shape[1:]))
-    columns = x[:, None] if x.ndim == 1 else x
+    columns, out = (part[:, None] if x.ndim == 1 else part for part in (x, result))
 
-    out = result[:, None] if x.ndim == 1 else result
     for k in range(columns.shape[1]):
         source.setArray(columns[:, k])
         matrix.mult(source, target)
@@ -269,10 +265,9 @@ def gathered(matrix: PETSc.Mat, root: int) -> scipy.sparse.csr_matrix | None:
         return None
 
     sizes, columns, values = parts
+    pointers = np.append(0, np.cumsum(sizes))
 
-    return scipy.sparse.csr_matrix(
-        (values, columns, np.concatenate([[0], np.cumsum(sizes)])), shape=matrix.getSize()
-    )
+    return scipy.sparse.csr_matrix((values, columns, pointers), shape=matrix.getSize())
 
 
 def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:

@@ -112,10 +112,8 @@ def seconds_of_factor(entries: float, columns: float) -> float:
 
     `columns`: right-hand sides solved for at once.
     """
-    return (
-        _factor_seconds(entries)
-        + SOLVES_OF_MODEL * SOLVE_ENTRY_SECONDS * entries * columns**BLOCK_SOLVE_EXPONENT
-    )
+    seconds_of_solve = SOLVE_ENTRY_SECONDS * entries * columns**BLOCK_SOLVE_EXPONENT
+    return _factor_seconds(entries) + SOLVES_OF_MODEL * seconds_of_solve
 
 
 def seconds_of_steps(entries: float, steps: int) -> float:
@@ -245,15 +243,10 @@ class Solver(ABC):
             raise AccuracyError(SINGULAR_MESSAGE.format(f"‖A‖‖x‖/‖Ax‖ = {growth:.0e}"))
         if not (residual <= self.backward_error * size).all():
             error = (residual / size).max()
-            raise AccuracyError(
-                SINGULAR_MESSAGE.format(
-                    f"backward error {error:.1e}, limit {self.backward_error:.0e}"
-                )
-            )
-        if r.ndim == 1:
-            return X[:, 0]
+            reason = f"backward error {error:.1e}, limit {self.backward_error:.0e}"
+            raise AccuracyError(SINGULAR_MESSAGE.format(reason))
 
-        return X
+        return X[:, 0] if r.ndim == 1 else X
 
     @contextmanager
     def accurately(self) -> Iterator[None]:
@@ -306,9 +299,8 @@ class SuperLU(Factorization):
         except RuntimeError as error:  # an empty column of what is left
             raise NotConvergedError(SINGULAR_MESSAGE.format(f"SuperLU: {error}")) from error
         except MemoryError as error:
-            raise process.allocation_failed(
-                f"the factor of {self.A.shape[0]} dofs", error, REDUCE_REMEDY
-            ) from error
+            noun = f"the factor of {self.A.shape[0]} dofs"
+            raise process.allocation_failed(noun, error, REDUCE_REMEDY) from error
 
         if not np.array_equal(self._lu.perm_r, self._lu.perm_c):
             raise NotConvergedError(SINGULAR_MESSAGE.format("a pivot is zero"))
@@ -316,9 +308,8 @@ class SuperLU(Factorization):
         pivots = self._lu.U.diagonal()
         if not (pivots > 0).all():
             row = int(np.flatnonzero(~(pivots > 0))[0])
-            raise NotConvergedError(
-                SINGULAR_MESSAGE.format(f"pivot {row + 1} of {len(pivots)} is {pivots[row]:.1e}")
-            )
+            reason = f"pivot {row + 1} of {len(pivots)} is {pivots[row]:.1e}"
+            raise NotConvergedError(SINGULAR_MESSAGE.format(reason))
 
     @property
     def entries(self) -> float:

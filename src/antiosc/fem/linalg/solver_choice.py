@@ -36,7 +36,7 @@ import logging
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Protocol
 
 import numpy as np
@@ -50,7 +50,13 @@ from antiosc.base._types import Array, IntArray, Matrix, SolverChoice
 from antiosc.base.errors import AccuracyError, NotConvergedError
 from antiosc.base.progress import counting
 from antiosc.fem.linalg import algebra, cholmod
-from antiosc.fem.linalg.algebra import conjugate_gradients, quotient, sum_of, uses_strains
+from antiosc.fem.linalg.algebra import (
+    column_products,
+    conjugate_gradients,
+    quotient,
+    sum_of,
+    uses_strains,
+)
 from antiosc.fem.linalg.cholmod import Cholesky, NotPositiveDefiniteError
 from antiosc.fem.linalg.iterative import (
     Levels,
@@ -142,13 +148,10 @@ class SolverByStrains(Solver):
 
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k); AccuracyError if the steps do not converge."""
-        for X, residual_energy, energy in conjugate_gradients(
-            R,
-            lambda x: multiply(self.A, x),
-            self._inner.solve_block,
-            self._inner_products,
-            MOST_CG_STEPS,
-        ):
+        product = partial(multiply, self.A)
+        inner = partial(column_products, self.comm)
+        steps = conjugate_gradients(R, product, self._inner.solve_block, inner, MOST_CG_STEPS)
+        for X, residual_energy, energy in steps:
             if (residual_energy <= ENERGY_ERROR**2 * energy).all():
                 return X
 
@@ -164,10 +167,8 @@ class SolverByStrains(Solver):
 
     def force_sizes(self, R: Array) -> Array:
         """Energy norms √(rᵀA⁻¹r) (k,) of loads R: rounding would fail a check by Euclidean ones."""
-        return np.asarray(np.sqrt(np.maximum(self._inner_products(R, self.solve_block(R)), 0.0)))
-
-    def _inner_products(self, x: Array, y: Array) -> Array:
-        return np.asarray(self.comm.allreduce(np.einsum("ij,ij->j", x, y)))
+        squares = column_products(self.comm, R, self.solve_block(R))
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
 
 #: Per cent by which MUMPS may exceed its forecast of the memory (20 if not told): entries that
@@ -211,9 +212,8 @@ class MumpsFactor(PetscSolver, Factorization):
     def _set_up(self) -> None:
         row, least = self.A.getDiagonal().min()
         if least <= 0:  # MUMPS would take an empty row for a large one
-            raise NotConvergedError(
-                SINGULAR_MESSAGE.format(f"{least:.1e} on the diagonal of row {row}")
-            )
+            reason = f"{least:.1e} on the diagonal of row {row}"
+            raise NotConvergedError(SINGULAR_MESSAGE.format(reason))
         super()._set_up()
 
         # MUMPS factors an indefinite matrix too, and counts its negative pivots.
@@ -468,7 +468,7 @@ def _compliances_at_two_shifts(
     results = np.zeros((2, loads.shape[1]))
     for result, factor in zip(results, (solver, factorize(A)), strict=True):
         for part, B, Y in _blocks_of_solutions(factor, loads):
-            result[part] = structure.comm.allreduce(np.einsum("ij,ij->j", B, Y))
+            result[part] = column_products(structure.comm, B, Y)
     return results[0], results[1]
 
 
@@ -478,10 +478,8 @@ def _deflections_by_solves(
     """(bᵀy, yᵀMy) of every load, with one solve for each."""
     C, G = np.zeros((2, loads.shape[1]))
     for part, B, Y in _blocks_of_solutions(structure.factorize(), loads):
-        C[part] = structure.comm.allreduce(np.einsum("ij,ij->j", B, Y))
-        G[part] = structure.comm.allreduce(
-            np.einsum("ij,ij->j", Y, algebra.multiply(structure.M, Y))
-        )
+        C[part] = column_products(structure.comm, B, Y)
+        G[part] = column_products(structure.comm, Y, algebra.multiply(structure.M, Y))
     return C, G
 
 
@@ -513,9 +511,7 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
     loaded_rows = np.flatnonzero(np.diff(B.indptr))
 
     # columns in postorder: neighbours in the tree follow one another
-    first = np.array(
-        [position[B.indices[B.indptr[k] : B.indptr[k + 1]]].min() for k in loaded_rows], int
-    )
+    first = np.minimum.reduceat(position[B.indices], B.indptr[loaded_rows])
     order = loaded_rows[np.argsort(first, kind="stable")]
     result = np.zeros(B.shape[1])
     W = np.zeros((len(position), LOADS_PER_WALK))

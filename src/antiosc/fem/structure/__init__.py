@@ -152,11 +152,10 @@ class DofPlaces:
     def joined(cls, several: Sequence[DofPlaces]) -> DofPlaces:
         """The dofs of several bodies, concatenated."""
         starts = np.cumsum([0, *(len(places.nodes) for places in several)])
+        nodes = [places.node + k for places, k in zip(several, starts[:-1], strict=True)]
         return cls(
             np.vstack([places.nodes for places in several]),
-            np.concatenate(
-                [places.node + k for places, k in zip(several, starts[:-1], strict=True)]
-            ),
+            np.concatenate(nodes),
             np.vstack([places.axes for places in several]),
             np.concatenate([places.kind for places in several]),
         )
@@ -174,11 +173,10 @@ class DofPlaces:
         """Unit translations along x, y, z and rotations about `centre` (3,): (dofs, 6)."""
         axes = self.axes[rows]
         is_translation = self.kind[rows] == MOVE
+        arms = self.nodes[self.node[rows][is_translation]] - centre
         result = np.zeros((len(axes), 6))
         result[is_translation, :3] = axes[is_translation]
-        result[is_translation, 3:] = np.cross(
-            self.nodes[self.node[rows][is_translation]] - centre, axes[is_translation]
-        )
+        result[is_translation, 3:] = np.cross(arms, axes[is_translation])
         result[~is_translation, 3:] = axes[~is_translation]
         return result
 
@@ -328,7 +326,7 @@ def modes_and_shift(
         block = orthonormal_basis(comm, M, block)
         values, rotation = np.linalg.eigh(dot(comm, block, multiply(K, block)))
         block = block @ rotation
-        zero = np.abs(energy_ratios(K, block, multiply(K, block))) < _rigid_energy_limit(K)
+        zero = np.abs(energy_ratios(K, block)) < _rigid_energy_limit(K)
         if zero.all():
             raise InputError(
                 f"K has {len(values)} or more null vectors: the matrices hold several loose bodies."
@@ -365,10 +363,8 @@ def _solver_unless_singular(comm: MPI.Comm, K: Matrix) -> Solver | None:
     except AntioscError:
         return None
 
-    X = x[:, None]
-    return (
-        None if energy_ratios(K, X, multiply(K, X))[0] < _rigid_energy_limit(K) * 1e-3 else factor
-    )
+    (ratio,) = energy_ratios(K, x[:, None])
+    return None if ratio < _rigid_energy_limit(K) * 1e-3 else factor
 
 
 def _rigid_energy_limit(K: Matrix) -> float:
@@ -638,9 +634,7 @@ class NodalMatrices(StructureMatrices):
         point = (points.min(axis=0) + points.max(axis=0)) / 2
         motions = self.places.rigid_motions(point)
         is_possible = motions.any(axis=0)
-        forces = force_ratios(
-            self.K, motions[:, is_possible], multiply(self.K, motions[:, is_possible])
-        )
+        forces = force_ratios(self.K, motions[:, is_possible])
         limits = np.where(np.flatnonzero(is_possible) < 3, RIGID_FORCE**0.5, COORDINATE_ROUNDING)
         return (point, motions) if (forces < limits).all() else None
 

@@ -50,7 +50,7 @@ def _checked_where(_: str, where: object) -> str | tuple[float, ...]:
     return coordinates("where, if no group's name,", where)
 
 
-#: The name that a user gives to an attachment.
+#: The name that a user gives to an attachment or a joint.
 NAME_CHECK = checked_by(text)
 
 
@@ -170,9 +170,7 @@ Attachment = PointMass | Spring | Damper
 def attachments_of(attached: object) -> list[Attachment]:
     """Checked attachments; names for springs and dampers."""
     expected = "PointMass, Spring and Damper objects"
-    attachments: list[Any] = list(
-        list_of("attached", attached, (PointMass, Spring, Damper), expected)
-    )
+    attachments: list[Any] = list_of("attached", attached, (PointMass, Spring, Damper), expected)
 
     for kind in (Spring, Damper):
         of_kind = np.flatnonzero([type(attachment) is kind for attachment in attachments])

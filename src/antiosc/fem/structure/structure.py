@@ -126,9 +126,8 @@ def _check_values(name: str, values: Array) -> None:
     largest = np.abs(values).max(initial=0.0)
     if largest > MAX_MAGNITUDE:
         raise InputError(
-            f"{name} has an entry of {largest:g}; entries must not exceed {MAX_MAGNITUDE:g} "
-            "in magnitude "
-            "(a penalty of 1e30 is sufficient)."
+            f"{name} has an entry of {largest:g}; entries must not exceed {MAX_MAGNITUDE:g} in "
+            "magnitude (a penalty of 1e30 is sufficient)."
         )
     if 0.0 < largest < MIN_MAGNITUDE:
         raise InputError(
@@ -377,9 +376,7 @@ class Structure(ReprMixin):
             from antiosc.fem.prestress.state import with_prestress
             from antiosc.fem.structure.meshed import assembled_part
 
-        options: Options = {
-            "order": order, "attached": attached, "solver": solver, "prestress": prestress,
-        }  # fmt: skip
+        options = Options(order=order, attached=attached, solver=solver, prestress=prestress)
         matrices = assembled_part(
             mesh, material, supports, order=order, attached=attached, solver=solver
         )

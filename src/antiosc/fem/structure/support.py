@@ -23,7 +23,7 @@ from antiosc.base.checks import coordinates, nonnegative, point_text, shown, sto
 from antiosc.base.errors import AccuracyError, InputError
 from antiosc.base.texts import FieldsRepr
 from antiosc.fem.elements.weak_form import WeakForm
-from antiosc.fem.linalg.algebra import dot, force_ratios, multiply, typical_eigenvalue
+from antiosc.fem.linalg.algebra import dot, force_ratios, multiply, norms, typical_eigenvalue
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import bounds, compat, done_on_all
 from antiosc.fem.structure import (
@@ -208,9 +208,8 @@ class NumberedNodes:
         is_list = isinstance(numbers, list | tuple | range | np.ndarray) and len(numbers) > 0
         if not is_list:
             raise InputError(f"nodes must be a list of numbers of nodes; got {shown(numbers)}.")
-        return cls(
-            tuple(whole("a number of nodes", number) for number in cast("list[int]", numbers))
-        )
+        listed = cast("list[int]", numbers)
+        return cls(tuple(whole("a number of nodes", number) for number in listed))
 
     @property
     def words(self) -> str:
@@ -255,9 +254,8 @@ def ball_region(value: object) -> Region:
     point, radius = _pair("near", value, "(point, radius), as ((0, 0, 0.1), 5e-3)")
     centre = in_space(coordinates("the point of near", point))
     radius = nonnegative("the radius of near", radius)
-    return Region(
-        f"within {radius:g} m of {point_text(centre)}", partial(_outside_ball, centre, radius)
-    )
+    words = f"within {radius:g} m of {point_text(centre)}"
+    return Region(words, partial(_outside_ball, centre, radius))
 
 
 def _outside_ball(centre: Array, radius: float, x: Array) -> Array:
@@ -326,7 +324,7 @@ def modes_and_shift(
     if not modes.shape[1]:
         return modes, 0.0
 
-    largest_ratio = force_ratios(K, modes, multiply(K, modes)).max()
+    largest_ratio = force_ratios(K, modes).max()
     if largest_ratio > RIGID_FORCE:
         raise AccuracyError(
             f"a rigid motion strains the structure: ‖K r‖/(‖K‖‖r‖) = {largest_ratio:.1e} (expected "
@@ -362,7 +360,7 @@ def _vanishing_combinations(
     comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array
 ) -> Array:
     """Combinations of `fields` (rows, k) that are 0 at `fixed` dofs and do not strain springs."""
-    scale = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", fields, fields)))
+    scale = norms(comm, fields)
     if not scale.all():
         fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x
 
