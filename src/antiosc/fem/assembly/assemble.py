@@ -33,13 +33,7 @@ from antiosc.fem.assembly.assembled import (
     reduced_matrices,
     stacked,
 )
-from antiosc.fem.assembly.joint import (
-    Constraints,
-    Eliminated,
-    Joint,
-    Rows,
-    motion_of_end,
-)
+from antiosc.fem.assembly.joint import Constraints, Eliminated, Joint, Rows, motion_of_end
 from antiosc.fem.assembly.layout import (
     Layout,
     Sparse,
@@ -139,16 +133,9 @@ def eliminate(
     count = len(involved)
     block = transformation[:count, :count].tocoo()
     diagonal = np.flatnonzero(free)
-    T = scipy.sparse.csr_matrix(
-        (
-            np.concatenate([block.data, np.ones(len(diagonal))]),
-            (
-                np.concatenate([involved[block.row], diagonal]),
-                np.concatenate([involved[block.col], diagonal]),
-            ),
-        ),
-        shape=(n, n),
-    )
+    values_of_T = np.append(block.data, np.ones(len(diagonal)))
+    indices = [np.append(involved[of_block], diagonal) for of_block in (block.row, block.col)]
+    T = scipy.sparse.csr_matrix((values_of_T, indices), shape=(n, n))
 
     is_fixed = fixed.copy()
     is_fixed[involved[dependent]] = True
@@ -457,7 +444,7 @@ def _joined(
 
     for one in attached:
         elastic += terms_of(one, layout.plane, partial(_point_motions, layout))
-    elastic += [superelement(layout, support) for support in layout.condensed.values()]
+    elastic += [superelement(layout, part) for part in layout.condensed.values()]
     for r in rows:
         _check_dense(r.label or "a support", r.matrix)
     for term in elastic:
@@ -553,11 +540,10 @@ def _check_joined(
         if body_k.name in layout.points:
             raise InputError(f"the reference point {body_k.name!r} is joined to nothing.")
         has_pieces = sum(body.name == body_k.name for body in bodies) > 1
-        body_text = (
-            f"a piece at {point_text(body_k.centre)} of the part" if has_pieces else "the part"
-        )
+        piece = f"a piece at {point_text(body_k.centre)} of " if has_pieces else ""
         raise InputError(
-            f"{body_text} {body_k.name!r} is joined to nothing else: add a joint, or leave it out."
+            f"{piece}the part {body_k.name!r} is joined to nothing else: add a joint, or leave it "
+            "out."
         )
 
 
@@ -608,10 +594,8 @@ def _supported_nodes(layout: Layout, support: Support) -> list[tuple[Member, Int
         numbered = [member for member in layout.members.values() if len(member.part.mesh.labels)]
         return [(member, member.nodes_of(support.where)) for member in numbered]
 
-    return [
-        (member, np.flatnonzero(support.selected(member.nodes)))
-        for member in layout.members.values()
-    ]
+    members = layout.members.values()
+    return [(member, np.flatnonzero(support.selected(member.nodes))) for member in members]
 
 
 def superelement(layout: Layout, part: Superelement) -> ElasticTerm:

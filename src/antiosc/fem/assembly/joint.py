@@ -18,7 +18,7 @@ import scipy.linalg
 import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import Checked, checked_by, floats, point_text, positive, shown, text
+from antiosc.base.checks import Checked, checked_by, floats, point_text, positive, shown
 from antiosc.base.errors import InputError, name_list
 from antiosc.fem.assembly.layout import End, Layout, Sparse, end_text
 from antiosc.fem.mesh.surface import WeightedPoints, quadrature
@@ -51,11 +51,9 @@ def checked_end(name: str, end: object) -> End:
         point = floats(f"the point of {name}", end[1], None)
         if point.shape in ((2,), (3,)):
             part_and_point = end[0], tuple(point.tolist())
-            return (
-                part_and_point
-                if len(end) == 2
-                else (*part_and_point, positive(f"the radius of {name}", end[2], "m"))
-            )
+            if len(end) == 2:
+                return part_and_point
+            return (*part_and_point, positive(f"the radius of {name}", end[2], "m"))
 
     raise InputError(
         f'{name} must be "part:group", ("part", point), ("part", point, radius) or the name of a '
@@ -84,9 +82,8 @@ def motion_of_end(layout: Layout, end: End) -> PointMotion:
     nodes = member.nodes_of(group)
     if len(nodes) != 1:
         return mean_motion(layout, member, member.points_of(group))
-    rows = stacked_rows(
-        *(layout.at_nodes(member, nodes, kind) for kind in (DISPLACEMENTS, ROTATIONS))
-    )
+    of_node = (layout.at_nodes(member, nodes, kind) for kind in (DISPLACEMENTS, ROTATIONS))
+    rows = stacked_rows(*of_node)
     return PointMotion(rows, component_projection(member.part.form), member.nodes[nodes[0]])
 
 
@@ -145,11 +142,7 @@ def mean_motion(layout: Layout, member: Member, points: WeightedPoints) -> Point
     displacements = (average @ U).tocsr()
 
     moment = np.einsum("p,pij->ipj", w, skew(r)).reshape(3, -1)
-    J = np.einsum(
-        "p,pij->ij",
-        w,
-        np.einsum("pi,pi->p", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :],
-    )
+    J = np.einsum("p,pi,pi->", w, r, r) * np.eye(3) - (w * r.T) @ r
     values, axes = np.linalg.eigh(layout.rotations @ J @ layout.rotations)
     is_regular = values > COLLINEAR_MOMENT * max(values[-1], np.finfo(float).tiny)
     inverse = axes[:, is_regular] @ np.diag(1 / values[is_regular]) @ axes[:, is_regular].T
@@ -267,7 +260,3 @@ class TwoEnds(Joint):
         super().__post_init__()
         if self.a == self.b:
             raise InputError(f"a {type(self).__name__} joins {end_text(self.a)} to itself.")
-
-
-#: Metadata of the field `name` of a joint.
-NAME_CHECK = checked_by(text)

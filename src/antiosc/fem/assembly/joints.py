@@ -16,7 +16,6 @@ from antiosc.base.errors import InputError
 from antiosc.fem.assembly.joint import (
     COLLINEAR_MOMENT,
     END_CHECK,
-    NAME_CHECK,
     Constraints,
     End,
     Joint,
@@ -31,7 +30,7 @@ from antiosc.fem.assembly.joint import (
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.elements.beam import Beam, height_directions
 from antiosc.fem.structure import checked_axis, in_space, perpendiculars, skew
-from antiosc.fem.structure.attachments import ElasticTerm, by_components
+from antiosc.fem.structure.attachments import NAME_CHECK, ElasticTerm, by_components
 from antiosc.fem.structure.loads import UNIT_MOTIONS, PointMotion
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import COMPONENTS, DISPLACEMENTS, ROTATIONS
@@ -355,9 +354,8 @@ class Bushing(TwoEnds):
 
         units = np.array([UNIT_MOTIONS[name] for name in names if name != "axial"])
         if len(units):
-            functionals.append(
-                relative_motion(label, units, *motions_at(layout, label, ends, self.point))
-            )
+            at_point = motions_at(layout, label, ends, self.point)
+            functionals.append(relative_motion(label, units, *at_point))
         G = scipy.sparse.vstack(functionals).tocsr()
         if not G.nnz:
             raise InputError(f"{label} joins nothing: none of its components can move.")
@@ -367,10 +365,9 @@ class Bushing(TwoEnds):
         )
         times = [tau for _, tau in self.branches]
         branches = list(zip(of_branches, times, strict=True))
+        damping = c if self.damping else None
 
-        return [
-            ElasticTerm(G, k, np.zeros_like(k), c=c if self.damping else None, branches=branches)
-        ]
+        return [ElasticTerm(G, k, np.zeros_like(k), c=damping, branches=branches)]
 
 
 @dataclass(frozen=True)
@@ -550,9 +547,7 @@ class Bolt(TwoEnds):
         R = np.vstack([axis, y, np.cross(axis, y)])
         k, m = beam_matrices(self.beam, length)
         rotation = scipy.sparse.block_diag([scipy.sparse.csr_matrix(R)] * 4, format="csr")
-        G = (
-            rotation @ scipy.sparse.vstack([end_motion.functionals for end_motion in ends])
-        ).tocsr()
+        G = (rotation @ scipy.sparse.vstack([end.functionals for end in ends])).tocsr()
         mass = self.beam.rho * self.beam.section.A * length
         return [ElasticTerm(G, k, m, mass)]
 

@@ -119,9 +119,8 @@ def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
     if not matrices.located or size > MOST_DENSE_DOFS or matrices.C is not None:
         raise InputError(
             f"the part {name!r} has no mesh: its matrices, of {size} dofs, need coordinates (map= "
-            f"with node, dof, x, y, z of each row), at most {MOST_DENSE_DOFS} dofs, and no C "
-            "(damp the "
-            "model of the assembly)."
+            f"with node, dof, x, y, z of each row), at most {MOST_DENSE_DOFS} dofs, and no C (damp "
+            "the model of the assembly)."
         )
 
     node, places, ends = matrices.map.node, matrices.places, {}
@@ -336,9 +335,7 @@ class Layout:
 
     # -- motions as functionals: row 3 p + c is component c of point p, in the assembly's axes
 
-    def at_points(
-        self, member: Member, cell: IntArray, X: Array, names: tuple[str, ...] = DISPLACEMENTS
-    ) -> Sparse:
+    def at_points(self, member: Member, cell: IntArray, X: Array, names: tuple[str, ...]) -> Sparse:
         """Quantities `names` (3P, n) at reference points X (P, tdim) of P cells, as functionals."""
         space = member.part.form.space
         entries = []
@@ -352,9 +349,7 @@ class Layout:
 
         return self._stacked(entries, len(cell))
 
-    def at_nodes(
-        self, member: Member, nodes: IntArray, names: tuple[str, ...] = DISPLACEMENTS
-    ) -> Sparse:
+    def at_nodes(self, member: Member, nodes: IntArray, names: tuple[str, ...]) -> Sparse:
         """Displacements (3P, n) of nodes (P,), or rotations if `names` is ROTATIONS."""
         entries = []
         for axis, name in enumerate(names):

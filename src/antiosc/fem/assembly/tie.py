@@ -24,18 +24,18 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
 
-import basix
 import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import checked_by, point_text, positive
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.joint import NAME_CHECK, Constraints, Rows, TwoEnds
+from antiosc.fem.assembly.joint import Constraints, Rows, TwoEnds
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.mesh.surface import Entities, foot_coordinates, largest_entities, pairs_within
 from antiosc.fem.platform import compat
 from antiosc.fem.structure import perpendiculars, skew
+from antiosc.fem.structure.attachments import NAME_CHECK
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 
@@ -80,8 +80,8 @@ class Facets(Entities):
     def rule(self, pieces: int = 1) -> tuple[IntArray, Array, Array]:
         """(face, ξ, weight [m or m²]) of a quadrature on all faces, with edges in `pieces`."""
         shape = ("interval", "triangle" if self.simplex else "quadrilateral")[self.dim - 1]
-        xi, w = basix.make_quadrature(getattr(basix.CellType, shape), 2 * self.degree)
-        xi = np.asarray(xi).reshape(len(w), self.dim)
+        xi, w = compat.quadrature(shape, 2 * self.degree)
+        xi = xi.reshape(len(w), self.dim)
         lattice = np.indices((pieces,) * self.dim).reshape(self.dim, -1).T[:, None]
 
         if shape == "triangle":  # upright pieces, and inverted ones between them
@@ -201,9 +201,8 @@ class Tie(TwoEnds):
 
     def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
         """Constraints by which every free dof of the follower equals that of the leader."""
-        sides = [
-            Facets(*layout.group_end(name, end)) for name, end in (("a", self.a), ("b", self.b))
-        ]
+        ends = ("a", self.a), ("b", self.b)
+        sides = [Facets(*layout.group_end(name, end)) for name, end in ends]
         if not {side.dim for side in sides} <= {1, 2}:
             kinds = {0: "points", 1: "edges", 2: "faces", 3: "cells"}
             first, second = (kinds[side.dim] for side in sides)
@@ -363,10 +362,8 @@ def _leader_motions(
     elif both_turn:
         rotations = layout.at_points(member, cell, X, ROTATIONS)
 
-    return [
-        (DISPLACEMENTS, displacements.tocsr()),
-        *([(ROTATIONS, rotations)] if both_turn else []),
-    ]
+    of_rotations = [(ROTATIONS, rotations)] if both_turn else []
+    return [(DISPLACEMENTS, displacements.tocsr()), *of_rotations]
 
 
 def _dense_product(inverse: Array, functionals: Sparse) -> Sparse:
@@ -421,9 +418,8 @@ def edge_on_solid(
 
     slope = weight * (height - middle[:, None]) / second[:, None]
     mean = weight / total[:, None] - middle[:, None] * slope
-    displacement = layout.at_points(
-        face.member, face.cells[face_of_point], face.reference(face_of_point, xi), DISPLACEMENTS
-    )
+    X = face.reference(face_of_point, xi)
+    displacement = layout.at_points(face.member, face.cells[face_of_point], X, DISPLACEMENTS)
     u0 = _layer_sums(mean, np.broadcast_to(np.eye(3), (count, 3, 3))) @ displacement
     rotated = _layer_sums(slope, skew(normals)) @ displacement
     return u0.tocsr(), rotated.tocsr(), normals

@@ -180,10 +180,7 @@ class Mesh(ReprMixin):
     @cached_property
     def boxes(self) -> tuple[Array, Array]:
         """Lowest and highest coordinates (cells, 3) of the cells that this rank owns, m."""
-        nodes = compat.geometry_nodes(self.dolfinx)[
-            : compat.cell_index_map(self.dolfinx).size_local
-        ]
-        x = self.dolfinx.geometry.x[nodes]
+        x = self.geometry.nodes[: compat.cell_index_map(self.dolfinx).size_local]
         low = x.min(axis=1)
         high = x.max(axis=1)
         if self.order > 1:  # a curved side may bulge out of the box of its nodes

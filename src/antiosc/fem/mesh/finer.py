@@ -225,8 +225,8 @@ def refined_near(mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
 
 def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
     """Wanted sizes (cells,) [m] of the cells of this rank, as gmsh grades them around `refine`."""
-    nodes = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_index_map(mesh.dolfinx).size_local]
-    centres = mesh.dolfinx.geometry.x[nodes].mean(axis=1)
+    count = compat.cell_index_map(mesh.dolfinx).size_local
+    centres = mesh.geometry.nodes[:count].mean(axis=1)
 
     sizes = np.full(len(centres), np.inf)
     for place in refine:
@@ -240,8 +240,8 @@ def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
 
 def edge_lengths(mesh: Mesh) -> Array:
     """Mean length [m] of the edges of each cell that this rank owns, (cells,)."""
-    nodes = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_index_map(mesh.dolfinx).size_local]
-    return _mean_edges(mesh.dolfinx.geometry.x[nodes[:, : len(mesh.geometry.corners)]])
+    count = compat.cell_index_map(mesh.dolfinx).size_local
+    return _mean_edges(mesh.geometry.nodes[:count, : len(mesh.geometry.corners)])
 
 
 def _mean_edges(corners: Array) -> Array:

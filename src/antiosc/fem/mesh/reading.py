@@ -59,8 +59,6 @@ from antiosc.io.reading import (
 if TYPE_CHECKING:
     from dolfinx.mesh import MeshTags  # the oldest dolfinx has no such name
 
-    from antiosc.fem.mesh import Mesh
-
 #: Cells along the longest side of a geometry, and most of them, by default.
 CELLS_ALONG_SIDE, MOST_DEFAULT_CELLS = 20, 30_000
 #: Remedies of a message: arguments that choose one piece of a mesh.
@@ -101,11 +99,8 @@ def sound(
     cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, "vtk")]
 
     def message(bad: IntArray, what: str, remedy: str) -> str:
-        centre = raw.points[raw.cells[bad[0]]].mean(axis=0)
-        return (
-            f"{len(bad)} of {len(cells)} cells of {name} {what}, one at {point_text(centre)}: "
-            f"{remedy}."
-        )
+        place = point_text(raw.points[raw.cells[bad[0]]].mean(axis=0))
+        return f"{len(bad)} of {len(cells)} cells of {name} {what}, one at {place}: {remedy}."
 
     def refuse(bad: IntArray, what: str, remedy: str) -> None:
         if len(bad):

@@ -10,7 +10,6 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from math import factorial, inf
 
-import basix
 import numpy as np
 from mpi4py import MPI
 from scipy.spatial import cKDTree
@@ -288,9 +287,8 @@ def kind_of_cells(mesh: Mesh, cells: IntArray) -> str:
 def largest_entities(mesh: Mesh, group: str) -> tuple[int, IntArray]:
     """(dimension, entities of this rank) of the highest dimension in a group."""
     by_dimension = mesh.group(group)
-    dim = mesh.comm.allreduce(
-        max((d for d in by_dimension if len(by_dimension[d])), default=-1), op=MPI.MAX
-    )
+    dim_here = max((d for d in by_dimension if len(by_dimension[d])), default=-1)
+    dim = mesh.comm.allreduce(dim_here, op=MPI.MAX)
     if dim < 0:
         raise InputError(f"the group {group!r} of {mesh.name} is empty.")
 
@@ -365,9 +363,7 @@ def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> Weighte
     """Quadrature points on entities, exact to `degree` on straight simplices."""
     xi, weights = np.zeros((1, 0)), np.ones(1)
     if dim:
-        xi, weights = basix.make_quadrature(
-            getattr(basix.CellType, entity_shape(mesh, dim)), degree
-        )
+        xi, weights = compat.quadrature(entity_shape(mesh, dim), degree)
 
     on = Entities(mesh, dim, entities)
     count = len(entities)
@@ -425,9 +421,8 @@ class Faces(Entities):
     def __init__(self, mesh: Mesh, sheet: bool) -> None:
         self.sheet = sheet
         if sheet:
-            self.facets: IntArray = np.arange(
-                compat.cell_index_map(mesh.dolfinx).size_local, dtype=np.int32
-            )
+            count = compat.cell_index_map(mesh.dolfinx).size_local
+            self.facets: IntArray = np.arange(count, dtype=np.int32)
         else:
             self.facets = np.sort(compat.exterior_facets(mesh.dolfinx))
 
@@ -486,9 +481,8 @@ class Faces(Entities):
         facing = np.einsum("nd,nd->n", normal, directions[site])
 
         if self.sheet:
-            is_flipped = (
-                np.where(np.abs(facing) > NORMAL_TOLERANCE, facing, normal @ OBLIQUE_DIRECTION) > 0
-            )
+            is_clear = np.abs(facing) > NORMAL_TOLERANCE
+            is_flipped = np.where(is_clear, facing, normal @ OBLIQUE_DIRECTION) > 0
             normal[is_flipped] = -normal[is_flipped]
             facing[is_flipped] = -facing[is_flipped]
 
