@@ -17,8 +17,9 @@ import antiosc as ao
 from antiosc.base import progress
 from antiosc.base.texts import engineering, percent
 from antiosc_app import falls, results
+from antiosc_studies.drops import trajectory
 from antiosc_studies.drops.body import free_body
-from antiosc_studies.drops.episode import final_state
+from antiosc_studies.drops.episode import final_state, run_episode
 from antiosc_studies.drops.fall import fall_of, initial_state
 from antiosc_studies.drops.flight import Flight, displacement_bounds, free_rotation, free_vibration
 from antiosc_studies.drops.floor import law_at
@@ -418,6 +419,18 @@ def test_a_beam_that_bends_upward_falls_on() -> None:
     assert found is not None
     assert flight.state_at(found).centre[2] < -1e-4
     assert abs(flight.heights(np.array([found]), np.arange(2)).min()) < 1e-9
+
+
+def test_a_fall_that_is_not_a_number_is_refused(monkeypatch) -> None:
+    body, where = bar(), setting(ao.Linear(1e6))
+
+    def lost(*given: Any) -> Any:
+        one = run_episode(*given)
+        return replace(one, end=replace(one.end, centre=np.full(3, np.nan)))
+
+    monkeypatch.setattr(trajectory, "run_episode", lost)
+    with pytest.raises(ao.AccuracyError, match="sank through the floor"):
+        trajectory.trajectory(body, started(body, where, (5, 0, 0)), where, lambda *_: None)
 
 
 @pytest.mark.slow

@@ -113,7 +113,7 @@ def _check_lowest_point(body: FreeBody, state: State) -> None:
 def _check_depth(body: FreeBody, state: State, approach: float, setting: Setting) -> None:
     """AccuracyError if a point lies deeper below the floor than the largest approach [m] allows."""
     depth = -float(state.heights(body).min())
-    if depth > approach + LARGEST_SINKING * body.extent:
+    if not depth <= approach + LARGEST_SINKING * body.extent:  # not a number is refused too
         raise AccuracyError(
             f"the part sank through the floor at {state.time:.4g} s: a point is {depth:.3g} m "
             f"below it, and contacts press it in by {approach:.3g} m at most; give a smaller "
