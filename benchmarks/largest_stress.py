@@ -43,7 +43,8 @@ CAD parts by others, struck as `antiosc new` proposes and at ten times that spee
 onto a rigid floor; the largest stress to 25 % by the mesh. The truth is the same run on a mesh of
 uniform cells, with half of the cells at the places of the largest stress and of its largest bound.
 The force has its known bar, and its share by the mesh. Processor seconds of a machine with other
-work: ratios tell more. The parts are those of [Thor](https://github.com/AngelLM/Thor).
+work: ratios tell more. The parts are those of the robots [Thor](https://github.com/AngelLM/Thor)
+and [SO-101](https://github.com/TheRobotStudio/SO-ARM100).
 
 """
 #: Columns of the rows.
