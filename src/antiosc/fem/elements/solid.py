@@ -111,7 +111,7 @@ def depth_of(mesh: Mesh, parts: Parts) -> Expr:
 def isotropic_stress(mesh: Mesh, parts: Parts) -> Callable[[Expr], Expr]:
     """Function that gives the stress of isotropic solids for a strain (UFL)."""
     lame = coefficient(mesh, parts, _first_lame)
-    shear = coefficient(mesh, parts, lambda s: s.G)
+    shear = coefficient(mesh, parts, lambda s: s.E / (2 * (1 + s.nu)))
 
     def stress(strain: Expr) -> Expr:
         return lame * ufl.tr(strain) * ufl.Identity(mesh.gdim) + 2 * shear * strain
