@@ -45,11 +45,11 @@ docs: $(READY) ## the pages, in out/docs/index.html; a warning is an error
 	.ci/install .ci/packages-docs
 	$(PYTHON) -m sphinx -W --keep-going -q -b html docs out/docs
 
-# Two processes share the tests; `make test WORKERS=0` runs them in one.
+# Two processes share the test files; `make test WORKERS=0` runs them in one.
 WORKERS ?= 2
 
 test: $(READY) ## all tests, those on several MPI ranks included
-	$(PYTHON) -m pytest -n $(WORKERS)
+	$(PYTHON) -m pytest -n $(WORKERS) --dist loadfile
 
 check: $(READY) ## the quick tests on one rank, a case of each; CORE=HASWELL: rounded as there
 	$(PYTHON) -m pytest -n $(WORKERS) -m "not slow and not mpi"
