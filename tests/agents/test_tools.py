@@ -17,6 +17,7 @@ from agent_calls import (
     filled,
     number,
     served,
+    served_here,
     told,
     worked,
 )
@@ -42,7 +43,7 @@ def test_tools_and_resources_are_listed(folder):
         pages = [(await client.read_resource(one.uri)).contents[0].text for one in resources]
         return tools, dict(zip([one.name for one in resources], pages, strict=True))
 
-    tools, pages = served(folder, work)
+    tools, pages = served_here(folder, work)
     assert sorted(tool.name for tool in tools) == [*TOOLS, "tradeoff"]
     assert all(tool.input_schema["type"] == "object" and tool.description for tool in tools)
     if agents.DOCS_FOLDER.is_dir():
@@ -71,7 +72,7 @@ def test_strikes_at_once_are_the_same_each_time_and_another_scene_has_another_ha
                 group.start_soon(call, k, scene)
         return [found[k] for k in range(3)]
 
-    first, again, other = served(folder, work)
+    first, again, other = served_here(folder, work)
     assert first == again
     assert first["status"] == "completed"
     assert first["version"] == info.antiosc_version()
@@ -103,7 +104,7 @@ def test_a_number_has_its_bar_by_cause_and_each_is_explained(folder):
         asked = {"result": answer["hash"], "quantity": "peak_force"}
         return answer, told(await client.call_tool("explain", asked)), called.content
 
-    answer, why, contents = served(folder, work)
+    answer, why, contents = served_here(folder, work)
     force = number(answer, "peak_force")
     low, high = force["bar"]
     assert 0 < low < force["value"] < high

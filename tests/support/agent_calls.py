@@ -7,16 +7,18 @@ import shutil
 import sys
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import pytest
 
 from antiosc_app import agents_work
+from antiosc_app.cli import main
 from paths import MESHES
 from scene_files import SCENES
 
 anyio = pytest.importorskip("anyio")
 Client = pytest.importorskip("mcp.client.client").Client
+ToolServer = pytest.importorskip("antiosc_app.agents").ToolServer
 StdioServerParameters = pytest.importorskip("mcp.client.stdio").StdioServerParameters
 
 MASS = {"kind": "RigidMass", "mass": 0.05, "velocity": 1.0}
@@ -57,36 +59,50 @@ KEPT = (
     *("PATH", "PYTHONPATH", "OMP_NUM_THREADS", "XDG_CACHE_HOME", "OPENBLAS_CORETYPE", "TMPDIR"),
     "CFLAGS",
 )
+Work: TypeAlias = Callable[[Any], Awaitable[Any]]
 
 
-def served(
-    folder: Path, work: Callable[[Any], Awaitable[Any]], *options: str, start: str = START
-) -> Any:
+def served(folder: Path, work: Work) -> Any:
     """What `work` returns of a client of a server that was started for a folder."""
     environment = {name: os.environ[name] for name in (*KEPT, "HOME") if name in os.environ}
     environment |= {name: x for name, x in os.environ.items() if name.startswith(("OMPI", "PRTE"))}
     # the working folder is that of the files: none of them may become a module
     started = StdioServerParameters(
         command=sys.executable,
-        args=["-P", "-c", start, str(folder), *options],
+        args=["-P", "-c", START, str(folder)],
         env=environment,
         cwd=folder,
     )
+    return worked_on(started, work)
+
+
+def served_here(folder: Path, work: Work, *options: str) -> Any:
+    """The same of the server that `antiosc mcp` makes, in this process."""
+    made: list[Any] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONSAFEPATH", "1")  # as it is set by the command
+        patch.setattr(ToolServer, "run", lambda server: made.append(server))
+        assert main(["mcp", str(folder), *options]) == 0
+        return worked_on(made[0], work)
+
+
+def worked_on(server: Any, work: Work) -> Any:
+    """What `work` returns of a client of a server."""
 
     async def run() -> Any:
-        async with Client(started) as client:
+        async with Client(server) as client:
             return await work(client)
 
     return anyio.run(run)
 
 
-def answers(folder: Path, calls: Sequence[tuple[str, dict[str, Any]]], *options: str) -> list[Any]:
-    """The results of calls, one after the other."""
+def one_by_one(calls: Sequence[tuple[str, dict[str, Any]]]) -> Work:
+    """Calls one after the other."""
 
     async def work(client: Any) -> list[Any]:
         return [await client.call_tool(name, arguments) for name, arguments in calls]
 
-    return served(folder, work, *options)
+    return work
 
 
 def worked(folder: Path, calls: Sequence[tuple[str, dict[str, Any]]]) -> list[Any]:
