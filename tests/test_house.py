@@ -36,18 +36,29 @@ def trees() -> dict[str, ast.Module]:
     return {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FILES.items()}
 
 
-def imports(tree: ast.Module) -> set[str]:
-    """Files of the packages that a file imports, within functions and for types alone too."""
+def imported_by(node: ast.AST) -> set[tuple[str, str]]:
+    """(module, name) of what a node imports; the name is "" if it imports the module as a whole."""
+    if isinstance(node, ast.ImportFrom):
+        return {(str(node.module), alias.name) for alias in node.names}
+    return {(alias.name, "") for alias in node.names} if isinstance(node, ast.Import) else set()
+
+
+@functools.cache
+def all_imports() -> dict[str, set[tuple[str, str]]]:
+    """Module -> (module, name) of its imports, within functions and for types alone too."""
+    return {
+        name: {found for node in ast.walk(tree) for found in imported_by(node)}
+        for name, tree in trees().items()
+    }
+
+
+def imports(name: str) -> set[str]:
+    """Files of the packages that a file imports."""
     found = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        if isinstance(node, ast.ImportFrom):
-            for alias in node.names:
-                source = str(node.module)
-                source = DOORS.get(source, {}).get(alias.name, source)
-                whole = f"{source}.{alias.name}"
-                found.add(whole if whole in FILES else source)
+    for source, imported in all_imports()[name]:
+        source = DOORS.get(source, {}).get(imported, source)
+        whole = f"{source}.{imported}"
+        found.add(whole if whole in FILES else source)
     return found & FILES.keys()
 
 
@@ -66,7 +77,7 @@ def circles(arrows: dict[str, set[str]]) -> list[set[str]]:
 @pytest.mark.slow
 def test_files_import_each_other_in_no_circle():
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [{"a", "b", "c"}]
-    found = circles({name: imports(tree) for name, tree in trees().items()})
+    found = circles({name: imports(name) for name in FILES})
     assert found == []
 
 
@@ -86,9 +97,7 @@ def package(name: str) -> str:
 @pytest.mark.slow
 def test_packages_import_those_below_them():
     assert {package(name) for name in FILES} == PACKAGES.keys()
-    arrows = {
-        (package(name), package(to)) for name, tree in trees().items() for to in imports(tree)
-    }
+    arrows = {(package(name), package(to)) for name in FILES for to in imports(name)}
     assert arrows == {(a, b) for a, below in PACKAGES.items() for b in {a, *below}}
 
 
@@ -96,7 +105,7 @@ def test_readers_of_decks_need_no_finite_elements():
     """They run in processes of their own, with NumPy alone."""
     meshed = {name for name in FILES if package(name) == "antiosc" and room(name) not in READABLE}
     decks = {name for name in FILES if package(name) == "antiosc_decks"}
-    arrows = {name: imports(trees()[name]) for name in decks}
+    arrows = {name: imports(name) for name in decks}
     with_meshes = {"antiosc_decks.from_deck", "antiosc_decks.shared_nodes"}
     assert {name for name, to in arrows.items() if to & meshed} == with_meshes
     readers = decks - with_meshes
@@ -143,8 +152,8 @@ def room(name: str) -> str:
 def test_rooms_of_the_core_import_those_below_them():
     arrows = {
         (room(name), room(to))
-        for name, tree in trees().items()
-        for to in imports(tree)
+        for name in FILES
+        for to in imports(name)
         if package(name) == package(to) == "antiosc"
     }
     assert {room(name) for name in FILES if package(name) == "antiosc"} - {""} == ROOMS.keys()
@@ -155,27 +164,10 @@ def test_rooms_of_the_core_import_those_below_them():
 
 def from_other_packages() -> set[tuple[str, str, str]]:
     """(module, module that it imports from, name) of all imports from another package."""
-    statements = [
-        (name, node)
-        for name, tree in trees().items()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Import | ast.ImportFrom)
-    ]
-    named = {
-        (name, str(node.module), alias.name)
-        for name, node in statements
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }
-    whole = {
-        (name, alias.name, "")
-        for name, node in statements
-        if isinstance(node, ast.Import)
-        for alias in node.names
-    }
     return {
         (name, source, imported)
-        for name, source, imported in named | whole
+        for name in FILES
+        for source, imported in all_imports()[name]
         if package(source) in PACKAGES and package(source) != package(name)
     }
 
