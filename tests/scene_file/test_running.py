@@ -481,7 +481,7 @@ where = "rim"
 point = [0.12, 0.1, 0.0]
 direction = [0, 0, -1]
 [extract]
-n = 16
+n = 12
 """
 RECTANGLE = """\
 SetFactory("OpenCASCADE");
@@ -523,7 +523,7 @@ def test_a_scene_chooses_second_order_forces_itself(tmp_path):
     assert not any("deflects by" in one for one in found.warnings)
     assert found.model.stretch is not None
     site = ao.Site((0.12, 0.1, 0.0), (0, 0, -1))
-    model = ao.extract(found.structure, site, n=16, stretch="auto")
+    model = ao.extract(found.structure, site, n=12, stretch="auto")
     law = ao.Hertz(2e6)
     hit = ao.simulate(model, ao.RigidMass(0.2, velocity=1.5), law, 1e-2)
     assert found.history.peak_force == pytest.approx(hit.peak_force, rel=1e-9)
