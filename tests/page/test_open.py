@@ -25,7 +25,7 @@ from webdriver import MISSING, Browser
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
 #: Largest cell of the block [m]: coarse, that a set-up is answered soon.
-SIZE = 12e-3
+SIZE = 10e-3
 CLICK = """
 const view = document.getElementById("view"), box = view.getBoundingClientRect();
 const [x, y] = bench.view.seen(arguments[0]);
@@ -56,7 +56,7 @@ return [...document.querySelectorAll("body *")].filter(seen).flatMap((one) => [.
 
 @pytest.fixture(scope="module")
 def step(tmp_path_factory):
-    """A block of 60 mm, as STEP in millimetres."""
+    """A block of 30 mm, as STEP in millimetres."""
     gmsh = pytest.importorskip("gmsh")
     path = tmp_path_factory.mktemp("open") / "block.step"
     gmsh.initialize()
@@ -64,7 +64,7 @@ def step(tmp_path_factory):
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")  # OpenCASCADE keeps the last one
         occ = gmsh.model.occ
-        occ.addBox(0, 0, 0, 60, 40, 15)
+        occ.addBox(0, 0, 0, 30, 20, 10)
         occ.synchronize()
         gmsh.write(str(path))
     finally:
@@ -273,7 +273,7 @@ def test_nothing_is_written_through_a_link_that_leads_nowhere(deck, tmp_path):
 
 @pytest.mark.slow
 def test_view_shows_a_structure_in_a_frame(step):
-    mesh = ao.read_mesh(step, size=8e-3)
+    mesh = ao.read_mesh(step, size=SIZE)
     part = ao.Structure(mesh, ao.Solid(E=70e9, nu=0.33, rho=2700.0), [ao.Support("face 1")])
     shown = ao.view(part)
     one = shown._opened
@@ -355,11 +355,11 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, capsys):
         assert len(re.findall(r"[^\W\d_]\w+", browser.run(WORDS))) <= 120
         browser.run("bench.edit({ set: { 'simulate.duration': 2e-4, 'extract.n': 8 } })")
         short = edited_once(browser, first)
-        browser.run(CLICK, [0.045, 0.02, 0.015], False)
+        browser.run(CLICK, [0.0225, 0.01, 0.01], False)
         clicked = edited_once(browser, short)
-        assert clicked["scene"]["sites"]["point"] == pytest.approx([0.045, 0.02, 0.015], abs=5e-4)
+        assert clicked["scene"]["sites"]["point"] == pytest.approx([0.0225, 0.01, 0.01], abs=3e-4)
         assert clicked["scene"]["sites"]["direction"] == pytest.approx([0, 0, -1], abs=1e-6)
-        browser.run(CLICK, [0.03, 0.0, 0.007], True)  # holds a side
+        browser.run(CLICK, [0.015, 0.0, 0.005], True)  # holds a side
         held = edited_once(browser, clicked)
         assert len(held["held"]) == len(first["held"]) + 1
         browser.run("bench.edit({ set: { 'sites.direction': [0.3, 0, -1] } })")
