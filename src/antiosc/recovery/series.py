@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from html import escape
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
@@ -79,7 +79,7 @@ def write_frames(
 def _collection(times: Array, names: list[str]) -> str:
     """Text of the `.pvd` file that lists `names` with their times."""
     entries = [
-        f'    <DataSet timestep="{time:.9e}" file={quoteattr(name)}/>\n'
+        f'    <DataSet timestep="{time:.9e}" file="{escape(name)}"/>\n'
         for time, name in zip(times, names, strict=True)
     ]
     return (
