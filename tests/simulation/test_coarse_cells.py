@@ -47,7 +47,7 @@ def sentences(run):
 @pytest.mark.parametrize(
     ("family", "coarse", "fine", "thickness"),
     [
-        ("shell", 0.06, 0.012, 1e-3),
+        ("shell", 0.06, 0.018, 1e-3),
         ("plate in its plane", 0.06, 0.012, 1e-3),
         ("beam", 0.2, 0.03, 0.01),
         ("solid", 0.1, 0.03, 0.01),

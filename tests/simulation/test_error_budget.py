@@ -256,7 +256,7 @@ def test_estimates_cover_the_true_errors_of_random_scenes():
 
     True errors below 1e-5 are left out, where the reference itself is no better.
     """
-    seeds = (*range(22, 26), *range(27, 32), 33, 34, 36, 39, 40)  # references take 1 s at most
+    seeds = (22, 23, 25, *range(27, 32), 34, 36, 39, 40)  # references take 0.7 s at most
     found = {(s, tol): errors(s, tol) for s in seeds for tol in (1e-2, 1e-3)}
     kept = {key: pair for key, pair in found.items() if pair is not None}
     assert len({s for s, _ in kept}) >= 10

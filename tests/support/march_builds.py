@@ -36,7 +36,7 @@ def built(*defines: str) -> Any:
     finally:
         sys.path.pop(0)
     out = Path(tempfile.mkdtemp()) / "libmarch.so"
-    flags = ["-std=c99", "-O1", "-fPIC", "-shared", *(f"-D{each}" for each in defines)]
+    flags = ["-std=c99", "-O0", "-fPIC", "-shared", *(f"-D{each}" for each in defines)]
     units = [SUPPORT / "march_parts.c", ROOT / "csrc" / "export" / "antiosc_model.c"]
     command = [*packaged.compiler(), *flags, "-o", str(out), *map(str, units), "-lm"]
     subprocess.run(command, check=True)

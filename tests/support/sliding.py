@@ -91,13 +91,13 @@ def system_of(scene: Scene) -> System:
 class Truth:
     """The motion y = (z, z', x, x', anchor or angle of the friction) by phases with their ends."""
 
-    def __init__(self, scene: Scene, rtol: float = 1e-11) -> None:
+    def __init__(self, scene: Scene, rtol: float = 1e-10) -> None:
         self.scene, self.rtol = scene, rtol
         self.count = len(scene.springs)
         self.ends: list[float] = []
         self.pieces: list[tuple[str, Callable[[Array], Array]]] = []
         stiffest = max(scene.normal, scene.tangential + max(scene.springs))
-        self.longest = 0.1 * np.sqrt(scene.mass / stiffest)
+        self.longest = 0.5 * np.sqrt(scene.mass / stiffest)
         depth = scene.pressing * (1 + scene.excess) / scene.normal
         start, rest = np.array(scene.start), np.zeros(self.count)
         self._solve(np.array([depth, 0.0, *start, *rest, *start, 0.0]))
@@ -205,7 +205,7 @@ class Truth:
                     method="Radau" if phase == "slip" and self.count == 2 else "DOP853",
                     events=self._ends_of(phase),
                     dense_output=True,
-                    rtol=1e-9 if phase == "slip" and self.count == 2 else self.rtol,
+                    rtol=1e-8 if phase == "slip" and self.count == 2 else self.rtol,
                     atol=1e-12 * np.abs(y[:-1]).max(),
                     max_step=self.longest,
                 )

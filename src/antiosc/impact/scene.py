@@ -232,14 +232,16 @@ def integrate(kind: Callable[..., H], assembly: Assembly, duration: float, setti
 
     If bodies stretch, a linear run shows whether second-order forces matter.
     """
-    linear = _integrated_history(kind, assembly, duration, settings)
-    if not assembly.stretches:
-        return linear
-    if settings.method != "exact" or settings.step is not None or assembly.scene.preload:
+    if assembly.stretches and (
+        settings.method != "exact" or settings.step is not None or assembly.scene.preload
+    ):
         raise InputError(
             'a body that stretches takes the method "exact" without a step and without preload;'
             " extract it without stretch for others."
         )
+    linear = _integrated_history(kind, assembly, duration, settings)
+    if not assembly.stretches:
+        return linear
 
     from antiosc.impact.stretching import with_stretch  # loaded where it is used
 
