@@ -76,8 +76,8 @@ def coverage(scenes: int, compare=compare) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::antiosc.base.errors.AccuracyWarning")
-def test_estimate_covers_the_truth_in_200_scenes():
-    share, factor = coverage(220)
+def test_estimate_covers_the_truth_in_random_scenes():
+    share, factor = coverage(130)
     print("share under the estimate", share, "median over-estimation", factor)
     assert share.min() >= 0.9
     assert factor.max() < 15
@@ -271,7 +271,7 @@ def test_a_scene_of_more_sites_than_anti_oscillators_runs(n) -> None:
 def test_the_warning_and_the_bar_are_one_number() -> None:
     """With an estimate of the mesh and without: above the limit both tell it, below neither."""
     law, ball = ao.Hertz(5e9), ao.RigidMass(0.004, 1.0)
-    for n, told in ((10, True), (120, False)):
+    for n, told in ((10, True), (60, False)):
         model = ao.extract(thin_plate(), SITE, n=n)
         estimated = replace(model, strain_error=np.zeros((model.n + 1, model.n + 1)))
         for each in (model, estimated):
