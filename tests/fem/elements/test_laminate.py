@@ -168,7 +168,7 @@ def test_laminate_and_shell_by_group():
     layered = ao.Laminate([ao.Layer.isotropic(E, NU, RHO, 0.01)] * 2)
     whole = ao.Structure(mesh, metal)
     assert max(differ(ao.Structure(mesh, {"left": metal, "right": layered}), whole)) < 1e-12
-    mixed = ao.Structure(mesh, {"left": metal, "right": ao.Laminate(stack([0, 30], 0.01))})
+    mixed = ao.Structure(mesh, {"left": metal, "right": ao.Laminate(stack([0, 30, 0], 0.01))})
     assert mixed.mass == pytest.approx(RHO * 0.02 + PLY.rho * 0.01, rel=1e-12)
     assert "Laminate and Shell" in mixed.describe()
     assert mixed.dimensions == pytest.approx((2, 1, 0.01))

@@ -66,11 +66,11 @@ def test_the_estimate_is_about_the_error_to_a_finer_mesh(kind):
     """The whole matrix of compliances, the coupling of the sites too; and the frequencies."""
     make, sites = PARTS[kind]
     model = ao.extract(make(1, CLAMP), sites, n=8, error="estimate")
-    fine = ao.extract(make(3, CLAMP), sites, n=8)
+    fine = ao.extract(make(2, CLAMP), sites, n=8)
     softer = model.corrected()
     true, estimated = (compliance(one) - compliance(model) for one in (fine, softer))
     size = np.linalg.norm(true, 2)
-    assert 0.5 < np.linalg.norm(estimated, 2) / size < 1.6
+    assert 0.8 < np.linalg.norm(estimated, 2) / size < 1.6
     assert np.linalg.norm(true - estimated, 2) < 0.6 * size
     left = np.abs(softer.omega[:3] / fine.omega[:3] - 1)
     assert (left < 0.7 * np.abs(model.omega[:3] / fine.omega[:3] - 1)).all()

@@ -181,7 +181,7 @@ def loaded(family, fine):
         arguments = ao.Solid(210e9, 0.3, 7850.0), [ao.Support(at_root)], ao.Prestress(spin=spin)
         return mesh, arguments, ao.Site((0.15, 0.005, 0.01), (0, 0, -1), radius=5e-3)
     if family == "shell":
-        mesh = grouped(sheet((4 * fine, 4 * fine), lambda s, t: (0.3 * s, 0.2 * t, 0 * s)))
+        mesh = grouped(sheet((2 * fine, 2 * fine), lambda s, t: (0.3 * s, 0.2 * t, 0 * s)))
         loads = ao.Prestress(pressure={"sheet": 1e4})
 
         def rim(x):
