@@ -6,6 +6,8 @@ those of the package.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
@@ -31,13 +33,23 @@ class Full:
         self.b = functional(part, site).b
         self.space = matrices.form.space
         self.u = fem.Function(self.space)
-        energy = extra_energy(matrices, self.u)
-        first = ufl.derivative(energy, self.u, ufl.TestFunction(self.space))
-        slope = ufl.derivative(first, self.u, ufl.TrialFunction(self.space))
-        self.of_energy = compat._compiled(energy)
-        self.of_force, self.of_slope = compat._compiled(first), compat._compiled(slope)
+        self.extra = extra_energy(matrices, self.u)
+        self.first = ufl.derivative(self.extra, self.u, ufl.TestFunction(self.space))
         self.free = np.ones(len(self.b), dtype=bool)
         self.free[part.fixed] = False
+
+    @cached_property
+    def of_energy(self) -> fem.Form:
+        return compat._compiled(self.extra)
+
+    @cached_property
+    def of_force(self) -> fem.Form:
+        return compat._compiled(self.first)
+
+    @cached_property
+    def of_slope(self) -> fem.Form:
+        trial = ufl.TrialFunction(self.space)
+        return compat._compiled(ufl.derivative(self.first, self.u, trial))
 
     def energy(self, u: np.ndarray) -> float:
         """Strain energy, all of it."""

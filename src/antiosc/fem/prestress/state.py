@@ -107,7 +107,7 @@ class LoadedPart:
         for group, p in loads.pressure.items():
             region = (group, *largest_entities(mesh, group))
             work = pressure_energy(mesh, part.parts, self._u, region)
-            of_loads += [-p * work] if p else []
+            of_loads += [-compat.constant(mesh.dolfinx, p) * work] if p else []
 
         if loads.spin is not None and loads.spin.omega:
             if part.comm.allreduce(bool(part.attached_inertia.any()), op=MPI.LOR):
@@ -270,10 +270,11 @@ def pressure_energy(
 
 def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) -> ufl.Form:
     """Σ ρ a·a/2 over all mass of the cells, a = Ω P (x + u), to second order in the rotations."""
-    S = ufl.as_matrix(spin.stiffness.tolist())
-    spin_origin = np.array(spin.about)
+    # constants, as numbers would be compiled anew for each spin
+    S = compat.constant(mesh.dolfinx, spin.stiffness)
+    origin = compat.constant(mesh.dolfinx, np.array(spin.about))
     x = ufl.SpatialCoordinate(mesh.dolfinx)
-    position = in_space([x[i] - float(spin_origin[i]) + u[i] for i in range(mesh.gdim)])
+    position = in_space([x[i] - origin[i] + u[i] for i in range(mesh.gdim)])
     dx = measure(mesh, LOAD_DEGREE + 1)
     energy = density * ufl.dot(position, S * position) / 2
     for direction, first, second in _mass_fibres(mesh, parts):
