@@ -80,10 +80,11 @@ def test_the_advised_element_is_fine_enough():
     times = np.linspace(0, 2.5 * advice.contact_time, 1000)
 
     def force(size):
-        cells = (int(np.ceil(0.2 / size)), int(np.ceil(0.1 / size)))
-        ends = ao.Support(lambda x: np.isclose(x[0], 0) | np.isclose(x[0], 0.2))
-        part = ao.Structure(rectangle(cells, 0.2, 0.1), ao.Shell(**STEEL, thickness=0.006), [ends])
-        model = ao.extract(part, ao.Site((0.1, 0.05, 0), (0, 0, -1)), n=40)
+        cells = (int(np.ceil(0.12 / size)), int(np.ceil(0.06 / size)))
+        ends = ao.Support(lambda x: np.isclose(x[0], 0) | np.isclose(x[0], 0.12))
+        mesh = rectangle(cells, 0.12, 0.06)
+        part = ao.Structure(mesh, ao.Shell(**STEEL, thickness=0.006), [ends])
+        model = ao.extract(part, ao.Site((0.06, 0.03, 0), (0, 0, -1)), n=40)
         law = striker.hertz(STEEL["E"], STEEL["nu"])
         hit = ao.simulate(model, striker, law, duration=times[-1])
         return np.interp(times, hit.time, hit.force)

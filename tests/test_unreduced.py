@@ -105,7 +105,7 @@ BENT = {
     ),
     "a shell": (
         lambda n: ao.Structure(
-            rectangle(6 * n, 0.3, 0.2), ao.Shell(**STEEL, thickness=4e-3), [ao.Support(at(0, 0.0))]
+            rectangle(5 * n, 0.3, 0.2), ao.Shell(**STEEL, thickness=4e-3), [ao.Support(at(0, 0.0))]
         ),
         ao.Site((0.1, 0.08, 0.0), (0, 0, -1), radius=2e-3),
         ao.Hertz(1e7),

@@ -30,7 +30,7 @@ def edge(x: np.ndarray) -> np.ndarray:
     return np.any([np.isclose(x[i], end) for i in (0, 1) for end in (0, SIZE[i])], axis=0)
 
 
-def plate(n=(12, 9), E=210e9) -> ao.Structure:
+def plate(n=(8, 6), E=210e9) -> ao.Structure:
     mesh = dolfinx.mesh.create_rectangle(MPI.COMM_WORLD, [[0, 0], SIZE], n)
     material = ao.Shell(E, 0.3, 7850, 4e-3)
     return ao.Structure(

@@ -59,7 +59,7 @@ def plate(thickness: float = 2e-3, wider: float = 0.0, material: Any = None) -> 
 
 
 def push(part: ao.Structure, tol: float = 1e-6) -> ao.History:
-    model = ao.extract(part, ao.Site((0.13, 0.09, 0), (0, 0, -1), radius=0.01), n=24)
+    model = ao.extract(part, ao.Site((0.13, 0.09, 0), (0, 0, -1), radius=0.01), n=12)
     return ao.simulate(model, ao.RigidMass(0.3, 1.0), ao.Hertz(2e7), 6e-3, tol=tol)
 
 
@@ -143,7 +143,7 @@ def test_bars_of_a_part_hold_a_finer_model(struck: tuple[ao.Structure, ao.Histor
     part, hit = struck
     g = ao.gradient(hit, "impulse", part=part, error="estimate")
     assert g.error is not None
-    model = ao.extract(part, ao.Site((0.13, 0.09, 0), (0, 0, -1), radius=0.01), n=48)
+    model = ao.extract(part, ao.Site((0.13, 0.09, 0), (0, 0, -1), radius=0.01), n=24)
     more = ao.simulate(model, ao.RigidMass(0.3, 1.0), ao.Hertz(2e7), 6e-3, tol=1e-6)
     better = ao.gradient(more, "impulse", part=part)
     for name in ("E", "nu", "rho", "thickness"):

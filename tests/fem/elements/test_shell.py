@@ -177,7 +177,7 @@ def test_cylinder_between_diaphragms(cell, order):
     assert frequencies(structure, 4) == pytest.approx(exact, rel=5e-3)
 
 
-def thin_plate_graded_to(point, cell, n=28):
+def thin_plate_graded_to(point, cell, n=20):
     def graded(s, centre):
         side = np.where(s < 0.5, centre, 1 - centre)
         return centre + np.sign(s - 0.5) * side * np.abs(2 * s - 1) ** 1.5

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+import parts
 
 pytestmark = pytest.mark.fem
 LENGTH, THICKNESS = 0.3, 0.003
@@ -38,7 +39,7 @@ def test_the_lowest_mode_of_a_ruler_is_that_of_a_beam(ruler: ao.Structure) -> No
 def test_a_part_under_load_takes_a_factor_where_one_fits() -> None:
     """Under loads there is no coarser space: 2.8 s in place of more than 200."""
     loads = ao.Prestress(spin=ao.Spin((0, 0, 1), 200.0, (0, 0, 0)), gravity=(0, 0, -9.81))
-    mesh = ao.box_mesh((LENGTH, 0.02, 0.006), size=0.01)
+    mesh = parts.box((30, 2, 1), (LENGTH, 0.02, 0.006))
     held, steel = [ao.Support(lambda x: x[0] < 1e-9)], ao.Solid(70e9, 0.33, 2700.0)
     site = ao.Site((LENGTH - 0.01, 0.01, 0.006), (0, 0, -1), radius=8e-3)
     models = []

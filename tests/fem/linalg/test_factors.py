@@ -65,7 +65,7 @@ def block(solver="auto", supports=("left",), n=(8, 4, 3)) -> ao.Structure:
 
 @pytest.mark.slow
 def test_forecast_against_the_factor_itself():
-    part = block(n=(16, 10, 8))
+    part = block(n=(12, 8, 6))
     # CHOLMOD's, with an ordering of its own, and supernodes that are held as full rectangles
     entries = part.factorize().cholesky.supernodes.values.size
     assert 0.7 < solver_choice.entries_by_mumps(part.K) / entries < 2.0

@@ -121,7 +121,7 @@ def test_models_are_those_of_a_factor(given):
 
 @pytest.mark.slow
 def test_the_factor_is_forecast_from_the_linear_elements():
-    mesh = parts.box((12, 8, 8), cell="tetrahedron")
+    mesh = parts.box((9, 6, 6), cell="tetrahedron")
     part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
     found = solver_choice.forecast_of(part.K, part.matrices.prolongation()).entries
     exact = part.factorize().entries

@@ -11,6 +11,7 @@ import antiosc as ao
 from antiosc.fem.elements.second_order import RULE_DEGREES, points_of
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
+from antiosc.fem.prestress.state import LoadedPart
 from full_second_order import Full
 from loaded_beams import (
     EI,
@@ -209,6 +210,18 @@ def test_bars_of_loaded_parts_hold(family):
         off = abs(getattr(coarse, name) / getattr(fine, name) - 1)
         assert off < coarse.error_budget[name].numerical
         assert fine.error_budget[name].mesh < 0.7 * coarse.error_budget[name].mesh
+
+
+@pytest.mark.slow
+def test_forms_of_loads_are_compiled_once_for_all_sizes():
+    mesh, (material, held, _), _ = loaded("shell", 1)
+    part = ao.Structure(mesh, material, held)
+    signatures = set()
+    for size in (1.0, 2.0):
+        spin = ao.Spin((0, size, 1), 10 * size, about=(size, 0, 0))
+        loads = ao.Prestress(pressure={"sheet": size}, spin=spin)
+        signatures.add(LoadedPart(part.matrices, loads, {})._forces.signature())
+    assert len(signatures) == 1
 
 
 @pytest.mark.slow
