@@ -235,7 +235,7 @@ def rows_of(path: Path, folder: str, least: int, falls: bool) -> list[str]:
 
 
 #: The bar by the mesh that is asked for at fillets.
-OF_FILLETS = 0.15
+OF_FILLETS = 0.05
 #: R/d of the fillets, and D/d of the stepped bars.
 FILLETS, STEP = (0.03, 0.05, 0.1, 0.2, 0.3), 2.0
 #: Stepped flat bar, h/r < 2 and 2 < h/r < 20, under a blow across (bending: Peterson, chart 3.8)

@@ -94,14 +94,15 @@ def test_rounds_end_before_they_cost_more_than_three_times_the_force():
 
     def finer(places):
         asked.append(places)
-        return SimpleNamespace(dofs=50_000)
+        return SimpleNamespace(dofs=90_000)
 
     found = stress.closed(hit, part, 1e-3, finer, None, stress.fields_by_strength)
     (field,) = found.fields.values()
     assert found.rounds == 0
     assert 1 < len(asked[0]) <= 5
     assert "cannot say above" in field.rounds
-    assert "50000 dofs" in field.rounds
+    assert "90000 dofs" in field.rounds
+    assert "3 times that of 40000 dofs" in field.rounds
 
 
 def test_cells_grow_around_a_place_as_asked():
