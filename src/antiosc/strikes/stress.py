@@ -42,9 +42,9 @@ STRESS_JUMP_POWER = 2.0
 #: Growth of the sizes around a place. With 0.35, as at sites, a place brought 15 000 dofs to a part
 #: of 17 000, with 0.6 8 000 and with 1 4 000; the bar became no wider: 28, 24 and 17 %.
 SIZE_GROWTH = 1.0
-#: Most cost of all rounds over that of the force, whose mesh counts as one of few dofs or more (some
-#: ten seconds for all rounds); the cost of a mesh grows with this power of its dofs. With 14 000
-#: dofs as the least, fillets of R/d = 0.03 in a small bar had no round, and K_t was 20 % low.
+#: Most cost of all rounds over that of the force, whose mesh counts as one of few dofs or more: ten
+#: seconds for all rounds. The cost of a mesh grows with this power of its dofs. With 14 000 dofs as
+#: the least, fillets of R/d = 0.03 in a small bar had no round, and K_t was 20 % low.
 MAX_COST, MIN_DOFS, COST_POWER = 3.0, 40_000, 1.5
 
 #: Makes the part with smaller cells at places.
