@@ -29,7 +29,7 @@ HELD = {"hard": SIMPLE, "soft": SOFT}
 @cache
 def reference(ends: str) -> ao.History:
     """On a fine mesh of another element: quadrilaterals."""
-    part = plate(24, 0.04, "quadrilateral", HELD[ends])
+    part = plate(16, 0.04, "quadrilateral", HELD[ends])
     return ao.simulate(ao.extract(part, SITE, n=60), *IMPACT, tol=1e-6)
 
 

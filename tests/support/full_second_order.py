@@ -103,7 +103,7 @@ class Full:
                 bx, dy = np.linalg.solve(small, [b @ p, -m * (y - w0) - F])
                 dx = p - q * slope * (bx - dy)
                 x, y = x + dx, y + dy
-                if np.abs(dx).max() <= 1e-7 * max(np.abs(x).max(), 1e-6):
+                if np.abs(dx).max() <= 1e-5 * max(np.abs(x).max(), 1e-6):
                     break
             else:
                 raise RuntimeError("Newton's method did not converge")
