@@ -459,8 +459,9 @@ typedef struct aom_enclosure {
     const double *brake;                /* [n_modes], sum brake |v| drives the error, too */
     /* [n_modes] > 0 of modes that follow their force F: q'' = F - omega^2 q - 2 decay q' + lag F' */
     const double *lag;
-    int n_spans;                        /* times that a motion has lasted, ascending */
-    const double *spans, *kappa;        /* [n_spans], [m][n_spans] |D| <= kappa sqrt(2 E) by them */
+    /* [n_rates] x, [m][n_rates] compliance of all bodies by b'(K + x M)^-1 b */
+    int n_rates;
+    const double *rates, *compliances;
     const aom_law *laws;                /* [m] */
     double longest;                     /* piece of time [s] */
     int64_t n_nodes;                    /* of a record */

@@ -70,21 +70,38 @@ static double depth_of(const shape *s, double energy) {
     return s->yield + (energy - at.G) / at.g;
 }
 
-/* Largest D > 0 and D < 0 for indentations from `low` on, of H <= energy and |D| <= reach. */
-static double farther(const shape *s, double low, double energy, double reach) {
-    double most = smaller(reach, larger(s->low - low, 0.0) + depth_of(s, energy));
-    double slope = convex_at(s, low).slope;
-    return slope > 0.0 ? smaller(most, sqrt(2.0 * energy / slope)) : most;
+/* What is known of a difference D of indentations: D^2/y + 2 H(D) <= 2 energy + x way^2 for all pairs
+ * (x, y) of the rates and compliances, but for a shift of D. */
+typedef struct limits {
+    double energy, way, shift;
+    int n;
+    const double *rates, *compliances;
+} limits;
+
+/* Largest |D| of a law with 2 H >= stiffness D^2. */
+static double reach_of(const limits *l, double stiffness) {
+    double own = stiffness > 0.0 ? 2.0 * l->energy / stiffness : INFINITY, square = INFINITY;
+    for (int i = 0; i < l->n; i++) {
+        double both = 1.0 / l->compliances[i] + stiffness;
+        square = smaller(square, (2.0 * l->energy + l->rates[i] * l->way * l->way) / both);
+    }
+    return smaller(sqrt(own), sqrt(square) + l->shift);
 }
 
-static double nearer(const shape *s, double low, double energy, double reach) {
+/* Largest D > 0 and D < 0 for indentations from `low` on. */
+static double farther(const shape *s, double low, const limits *l) {
+    double depth = larger(s->low - low, 0.0) + depth_of(s, l->energy);
+    return smaller(depth, reach_of(l, convex_at(s, low).slope));
+}
+
+static double nearer(const shape *s, double low, const limits *l) {
     double inside = low - s->low;
     if (!(inside > 0.0))
-        return reach;
-    double most = sqrt(2.0 * energy * inside / convex_at(s, low).g);
+        return reach_of(l, 0.0);
+    double most = reach_of(l, convex_at(s, low).g / inside);
     for (int i = 0; i < 3 && most < inside; i++) /* g(x) - g(x - d) >= d g'(x - d) */
-        most = smaller(most, sqrt(2.0 * energy / convex_at(s, low - most).slope));
-    return most < inside ? smaller(most, reach) : reach;
+        most = smaller(most, reach_of(l, convex_at(s, low - most).slope));
+    return most < inside ? most : reach_of(l, 0.0);
 }
 
 /* Curvature without the patch, which falls along a law of n < 2 and rises along others. */

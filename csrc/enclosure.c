@@ -13,13 +13,14 @@
  * with R(D) = g(delta + D) - g(delta) - g'(delta) D >= 0 for a convex g, the forces' defect
  * d = F - g(delta), and what the residual of the model drives: channels phi, and others psi, linear in
  * the motion of the modes and their forces, and brakes on the modes. The terms are integrated over a
- * piece of time as upper bounds: R at the ends of all D with H <= E and
- * |D| <= kappa(P/sqrt(2 E)) sqrt(2 E), P the integral of sqrt(2 E), d D' by parts, |phi| by its cubic
+ * piece of time as upper bounds: R at the ends of all D with D^2/y + 2 H(D) <= 2 E + x P^2, P the
+ * integral of sqrt(2 E), y the compliance of all bodies at -x, d D' by parts, |phi| by its cubic
  * between the ends. A bound of E in a piece is assumed, and accepted where it implies a smaller one. */
 #include "internal.h"
 
 #define RESOLVED 4.0 /* largest phase of a mode in a piece that the cubic follows */
 #define APART 1.25 /* damping ratio from which the two decays of a mode are bounded by themselves */
+#define WAVY 0.8   /* below which it swings in an envelope */
 #define TRIES 60
 #define TOUCHING 16 /* pieces more where a contact opens, closes or turns */
 #define ROUNDS 4    /* of the forces of a step */
@@ -92,24 +93,15 @@ static double growth(const shape *law, double h, const piece *x, double far, dou
     return h * x->fastest * convex_at(law, x->high + far).slope * (far + near);
 }
 
-/* kappa of a contact, for a motion that has lasted so long. */
-static double reach_of(const aom_enclosure *e, int c, double lasted) {
-    int i = 0;
-    while (i < e->n_spans - 1 && e->spans[i] < lasted)
-        i++;
-    return e->spans[i] < lasted ? INFINITY : e->kappa[c * e->n_spans + i];
-}
-
 /* A channel in a piece: value and rate at its start and at its end; bounds on the fourth derivative of
  * what is resolved, and on what is not. */
 typedef struct channel {
     double value[2], rate[2], fourth, left_out;
 } channel;
 
-/* A free motion of a mode, and bounds: |q^(k)| <= size rate^k. */
+/* A free motion of a mode, and bounds: |q^(k)| <= size rate^k exp(-fade t). */
 typedef struct part {
-    double q, v, size, rate;
-    bool decays; /* as exp(-rate t) */
+    double q, v, size, rate, fade;
 } part;
 
 typedef struct enclosing {
@@ -357,15 +349,20 @@ static void split_ringing(enclosing *x, int j) {
     own_motion(x, j, own);
     double q = x->q[j] - own[0], v = x->v[j] - own[1];
 
+    if (d < WAVY * w) {
+        double turned = (v + d * q) / sqrt(w * w - d * d);
+        parts[0] = (part){q, v, sqrt(q * q + turned * turned), w, d};
+        return;
+    }
     if (d < APART * w) { /* its energy does not grow */
         double size = sqrt(q * q + v * v / (w * w));
-        parts[0] = (part){q, v, size, d + sqrt(d * d + w * w), false};
+        parts[0] = (part){q, v, size, d + sqrt(d * d + w * w), 0.0};
         return;
     }
     double fast = d + sqrt(d * d - w * w), slow = w * w / fast;
     double rest = (v + fast * q) / (fast - slow), gone = -(v + slow * q) / (fast - slow);
-    parts[0] = (part){rest, -slow * rest, fabs(rest), slow, true};
-    parts[1] = (part){gone, -fast * gone, fabs(gone), fast, true};
+    parts[0] = (part){rest, -slow * rest, fabs(rest), slow, slow};
+    parts[1] = (part){gone, -fast * gone, fabs(gone), fast, fast};
 }
 
 static bool resolved(const enclosing *x, const part *ringing) {
@@ -388,7 +385,7 @@ static void bound_modes(enclosing *x) {
             part at = ringing[i];
             double cube = at.size * at.rate * at.rate * at.rate;
             double now = fabs(w * w * at.v - 2.0 * d * (w * w * at.q + 2.0 * d * at.v));
-            third += at.decays ? cube : smaller(cube, now + x->h * cube * at.rate);
+            third += smaller(cube, now + x->h * cube * at.rate);
         }
         x->third[j] = third;
     }
@@ -407,31 +404,29 @@ static double braked(const enclosing *x) {
         double way = x->h * larger(fabs(own[1]), fabs(own[1] + x->h * x->f2[j] / square));
         for (int i = 0; i < 2; i++) {
             part at = x->ringing[2 * j + i];
-            way += at.size * (at.decays ? smaller(at.rate * x->h, 1.0) : at.rate * x->h);
+            way += at.size * at.rate * smaller(x->h, 1.0 / at.fade);
         }
         sum += e->brake[j] * way;
     }
     return sum;
 }
 
-/* The integral of what brakes the modes that follow their forces, by Cauchy and Schwarz. */
-static double held_back(const enclosing *x) {
+/* Of the modes that follow their forces: the squares of their brakes, integrated from now on over what
+ * rings in them, whose energy falls by 2 decay v^2; or those of the steady motion over a piece. */
+static double braking(const enclosing *x, bool rings) {
     const aom_enclosure *e = x->e;
-    double sums[3] = {0.0, 0.0, 0.0};
+    double sum = 0.0, own[2];
 
     for (int j = 0; j < e->n_modes; j++) {
-        double square = e->omega[j] * e->omega[j], lag = e->lag[j];
+        double square = e->omega[j] * e->omega[j], lag = e->lag[j], d = e->decay[j];
         if (lag == 0.0)
             continue;
-        for (int i = 0; i < 2; i++) {
-            part at = x->ringing[2 * j + i];
-            double brake = lag * square * at.v;
-            sums[i] += brake * brake * smaller(x->h, 0.5 / at.rate);
-        }
-        double steady = lag * (2.0 * e->decay[j] / square - lag) * x->f2[j];
-        sums[2] += x->h * steady * steady;
+        own_motion(x, j, own);
+        double q = x->q[j] - own[0], v = x->v[j] - own[1];
+        double steady = lag * (2.0 * d / square - lag) * x->f2[j], brake = lag * square;
+        sum += rings ? brake * brake * (v * v + square * q * q) / (4.0 * d) : x->h * steady * steady;
     }
-    return sqrt(x->h) * (sqrt(sums[0]) + sqrt(sums[1]) + sqrt(sums[2]));
+    return sum;
 }
 
 /* Values and rates of the channels at one end of a piece, and what rings in the modes there. */
@@ -478,17 +473,13 @@ static void bound_channels(enclosing *x) {
         for (int j = 0; j < J; j++)
             for (int i = 0; i < 2; i++) {
                 part each = x->ringing[2 * j + i];
-                double most = each.size * (fabs(y[j]) + fabs(y[J + j]) * each.rate);
-                if (each.decays) {
-                    most = fabs(y[j] * each.q + y[J + j] * each.v);
-                    if (!resolved(x, &each)) /* the root of its mean square */
-                        most *= sqrt(0.5 / (each.rate * x->h));
-                }
-                double square = each.rate * each.rate;
+                double square = each.rate * each.rate, swing = square - each.fade * each.fade;
+                double fading = y[j] - y[J + j] * each.fade;
+                double most = each.size * sqrt(fading * fading + y[J + j] * y[J + j] * swing);
                 if (resolved(x, &each))
                     at->fourth += most * square * square;
-                else
-                    at->left_out += most;
+                else /* the root of its mean square */
+                    at->left_out += most * smaller(sqrt(0.5 / (each.fade * x->h)), 1.0);
             }
     }
 }
@@ -571,13 +562,14 @@ static void make_room(yielding *law, double far) {
 /* The energy that is added where a contact begins to unload, from a depth that the bounds give. */
 static double unload(yielding *law, piece *at, double h, double energy) {
     const shape *first = &law->loading;
-    double near = nearer(first, at->delta[0], energy, INFINITY);
+    limits of_energy = {.energy = energy};
+    double near = nearer(first, at->delta[0], &of_energy);
 
     law->deepest = at->high + h * larger(at->rate[1], 0.0);
     law->least = whole_of(first, larger(at->delta[0] - near, 0.0));
     release here = release_at(first, whole_of(first, law->deepest));
     law->now = unloads(first, here);
-    make_room(law, 2.0 * farther(first, law->deepest, energy, INFINITY));
+    make_room(law, 2.0 * farther(first, law->deepest, &of_energy));
 
     double force = convex_at(&law->now, at->delta[0]).g, top = here.force;
     return (top - force) * (law->deepest - depth_at(release_at(first, law->least), force, first->c));
@@ -609,7 +601,7 @@ static bool bound_contacts(enclosing *x) {
             x->energy += unload(law, at, x->h, energy);
             bound_piece(&law->now, x->h, at);
         } else if (at->high + x->far[c] > law->deepest) {
-            double far = farther(&law->loading, law->deepest, energy, INFINITY);
+            double far = farther(&law->loading, law->deepest, &(limits){.energy = energy});
             if (whole_of(&law->loading, law->deepest + 1.2 * far) > law->most)
                 make_room(law, 2.0 * far);
         }
@@ -635,7 +627,7 @@ static bool by_yielding(enclosing *x, int c, double assumed, double *grown, doub
         *offset += more * room;
         return at->slowest >= 0.0;
     }
-    double depth = law->deepest + farther(first, law->deepest, assumed, INFINITY);
+    double depth = law->deepest + farther(first, law->deepest, &(limits){.energy = assumed});
     if (at->high + far > law->deepest && whole_of(first, depth) > law->most)
         return false;
     double force = convex_at(&law->now, at->high).g;
@@ -650,10 +642,20 @@ static bool by_yielding(enclosing *x, int c, double assumed, double *grown, doub
 static convex most_at(const yielding *law, double x, double energy) {
     convex at = convex_at(&law->now, x);
     if (x > law->deepest) {
-        double depth = law->deepest + farther(&law->loading, law->deepest, energy, INFINITY);
+        limits of_energy = {.energy = energy};
+        double depth = law->deepest + farther(&law->loading, law->deepest, &of_energy);
         at.g = smaller(at.g, convex_at(&law->loading, depth).g);
     }
     return at;
+}
+
+/* What bounds the difference of a contact's indentations, by an energy and the integral P. */
+static limits limits_of(const enclosing *x, int c, double energy, double integral) {
+    const aom_enclosure *e = x->e;
+    const yielding *law = x->laws + c;
+    double tight = 1.0 - law->spread;
+    return (limits){energy / tight, integral / sqrt(tight), law->shift,
+                    e->n_rates, e->rates, e->compliances + c * e->n_rates};
 }
 
 /* The energy at the end of a piece, and the defects' share in it, if it is at most `assumed`. */
@@ -665,17 +667,16 @@ static double implied(enclosing *x, double assumed, double source, double given,
     for (int c = 0; c < e->n_contacts; c++) {
         const yielding *law = x->laws + c;
         const piece *at = x->pieces + c;
-        double tight = 1.0 - law->spread, energy = assumed / tight;
-        double loose = (1.0 + law->spread) / tight;
-        double reach = root > 0.0 ? root * reach_of(e, c, x->integral / root + x->h) : 0.0;
-        double far = x->far[c] = farther(&law->now, at->low, energy, reach + law->shift);
-        double near = x->near[c] = nearer(&law->now, at->low, energy, reach + law->shift);
+        double loose = (1.0 + law->spread) / (1.0 - law->spread);
+        limits l = limits_of(x, c, assumed, x->integral + x->h * root);
+        double far = x->far[c] = farther(&law->now, at->low, &l);
+        double near = x->near[c] = nearer(&law->now, at->low, &l);
         double most = larger(far, near) + law->shift, own = 1.0;
         if (!by_yielding(x, c, assumed, &grown, offset))
             return INFINITY;
         if (most_at(law, at->high + far, assumed).g > law->limit)
             return INFINITY;
-        grown += loose * growth(&law->now, x->h, at, far, near, energy, &own) + at->drift * most;
+        grown += loose * growth(&law->now, x->h, at, far, near, l.energy, &own) + at->drift * most;
         factor *= pow(own, loose);
         *offset += (at->defect + at->drift) * most;
     }
@@ -710,8 +711,10 @@ static bool over_piece(enclosing *x, double jump) {
     read_channels(x, 0);
     bound_modes(x);
     bound_channels(x);
-    double source = jump + braked(x) + held_back(x);
+    double source = jump + braked(x), ringing = braking(x, true), steady = braking(x, false);
     advance(x);
+    ringing = larger(ringing - braking(x, true), 0.0);
+    source += sqrt(x->h) * (sqrt(ringing) + sqrt(steady)); /* by Cauchy and Schwarz */
     observe(x, 1);
     read_channels(x, 1);
 
@@ -746,15 +749,15 @@ static void record_piece(const enclosing *x) {
 /* The bounds at a node, the end of half a step. */
 static void record_node(enclosing *x, int64_t node) {
     const aom_enclosure *e = x->e;
-    double root = sqrt(2.0 * x->bound), half = x->half;
+    double half = x->half;
 
     for (int c = 0; c < e->n_contacts; c++) {
         const piece *at = x->pieces + c;
         const yielding *law = x->laws + c;
-        double reach = root > 0.0 ? root * reach_of(e, c, x->integral / root) : 0.0;
-        double energy = x->bound / (1.0 - law->spread), delta = at->delta[1];
-        double high = delta + farther(&law->now, delta, energy, reach + law->shift);
-        double low = delta - nearer(&law->now, delta, energy, reach + law->shift);
+        limits l = limits_of(x, c, x->bound, x->integral);
+        double delta = at->delta[1];
+        double high = delta + farther(&law->now, delta, &l);
+        double low = delta - nearer(&law->now, delta, &l);
         e->upper[node * e->n_contacts + c] = most_at(law, high, x->bound).g;
         double least = convex_at(&law->now, low).g, back = below(law, low, x->bound);
         e->lower[node * e->n_contacts + c] =

@@ -167,8 +167,8 @@ class CPulseNodes(Structure):
 class CEnclosure(Structure):
     _fields_ = [
         *_fields("int n_modes, n_channels, n_losses, n_contacts; pointer omega, decay, load, v"),
-        *_fields("pointer beta, gap, rows, brake, lag; int n_spans; pointer spans, kappa, laws"),
-        *_fields("double longest"),
+        *_fields("pointer beta, gap, rows, brake, lag; int n_rates; pointer rates, compliances"),
+        *_fields("pointer laws; double longest"),
         *_fields("int64 n_nodes; pointer time, force, clock, lower, upper, peak, impulse, reached"),
     ]
 

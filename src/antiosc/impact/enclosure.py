@@ -7,8 +7,9 @@ of e and of the contacts' potentials bounds the difference of the indentations, 
 one scalar beside the run (`csrc/enclosure.c`). The run gives the forces of the reference motion and
 nothing else; what its steps leave of the contact laws is inside the bounds.
 
-The difference D of two indentations, of an energy below E and P = ∫√(2E) dt, is at most
-√(H(x)(2E + xP²)) for every x > 0, where H(x) = Σ bᵀ(K + xM)⁻¹b of all bodies.
+The difference D of two indentations, of an energy below E and P = ∫√(2E) dt, has
+D²/Y(x) + 2 H(D) <= 2E + xP² for every x > 0, where Y(x) = Σ bᵀ(K + xM)⁻¹b of all bodies and H is
+the relative energy of the law.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ UNPREDICTED_WIDTH = 0.2
 FORCE_ROUNDING = 1e-8
 #: Pieces of time in a contact, at least.
 MIN_TIME_PIECES = 100
-#: Times, over that of the run, at which the largest difference of indentations is known.
-SPAN_RATIOS = 2.0 ** np.arange(-16, 0.25, 0.25)
+#: x of the bounds on differences of indentations, over the inverse square of the run's time.
+RATE_RATIOS = 2.0 ** np.arange(-6, 25)
 #: Error of k0 and of the mass that tells a recurrence of another structure.
 RECURRENCE_TOL = 1e-6
 #: Share of a modal amplitude that is rounding.
@@ -123,10 +124,9 @@ def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosur
     counts = [n for n in VECTOR_COUNTS if n < longest] if tol else []
 
     best: tuple[Enclosure, ...] = ()
-    fastest = FOLLOWING_PHASE / assembly.contact_time_estimate
     for count in [*counts, longest]:
         parts = [
-            _reference_body(assembly, body, span, min(count, n), fastest)
+            _reference_body(assembly, body, span, min(count, n))
             for body, span, n in zip(bodies, sizes, most, strict=True)
         ]
         found = _enclosures_of_run(assembly, run, parts, [law for law, _ in laws], count)
@@ -145,10 +145,12 @@ def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosur
     return best
 
 
-#: Phase in a contact beyond which a mode of the reference follows its force (25 and 100 made the
-#: bounds of five parts wider), and the decay of such a mode over its frequency.
-FOLLOWING_PHASE = 50.0
-FOLLOWING_DECAY_RATIO = 1.3
+#: Phase in a contact beyond which a mode of the reference may follow its force (18 and 35 made the
+#: bounds of four parts wider), and the momentum that its ringing would give the error in this time,
+#: over its own. Decay of such a mode over its frequency: 0.3 and 0.8 made them wider.
+FOLLOWING_PHASE = 25.0
+FOLLOWING_SHARE = 4.0
+FOLLOWING_DECAY_RATIO = 0.5
 #: Numbers of vectors that are tried up to a tolerance.
 VECTOR_COUNTS = (4, 6, 8, 11, 15, 20, 27, 36, 48, 64, 85, 113, 150, 200, 266)
 
@@ -240,12 +242,10 @@ def _max_vectors(body: SceneBody) -> int:
     )
 
 
-def _reference_body(
-    assembly: Assembly, body: SceneBody, span: slice, n: int, fastest: float
-) -> _ReferenceBody:
+def _reference_body(assembly: Assembly, body: SceneBody, span: slice, n: int) -> _ReferenceBody:
     """A body of the run in its reference modes by `n` Krylov vectors; rigid bodies as they are.
 
-    span : its modes in the run; fastest : frequency [rad/s] above which modes follow their force.
+    span : its modes in the run.
     """
     system = assembly.system
     beta, v, load = system.beta[:, span], system.v[span], system.loads[0, span]
@@ -276,10 +276,15 @@ def _reference_body(
         moved[rigid] = np.linalg.lstsq(modes.b[rigid].T, motion, rcond=None)[0]
         return moved
 
+    # the modes that would ring, and drive the error by it
+    time = assembly.contact_time_estimate
+    driving = np.linalg.norm(modes.drive(NO_DAMPING, 0 * modes.omega)[:, 0], axis=0)
+    follows = driving * time > FOLLOWING_SHARE * modes.omega
+    follows &= modes.omega * time > FOLLOWING_PHASE
+
     decay = damping.decay(modes.omega)
-    held = np.where(
-        modes.omega > fastest, np.maximum(FOLLOWING_DECAY_RATIO * modes.omega, decay), decay
-    )
+    braked = np.maximum(FOLLOWING_DECAY_RATIO * modes.omega, decay)
+    held = np.where(follows, braked, decay)
     supported = None if rigid.any() else np.linalg.solve(inner.recurrence.k0, scale.T)
     return _ReferenceBody(
         modes.omega,
@@ -294,9 +299,8 @@ def _reference_body(
     )
 
 
-def _difference_factors(bodies: Sequence[_ReferenceBody], durations: Array) -> Array:
-    """Factors kappa (m, n) with |D| <= kappa √(2E) (see the module) over durations (n,) [s]."""
-    x = 1 / np.append(durations, durations[-1] * 4.0 ** np.arange(1, 10)) ** 2
+def _compliances(bodies: Sequence[_ReferenceBody], x: Array) -> Array:
+    """Upper bounds (m, n) [m/N] of Σ bᵀ(K + xM)⁻¹b of the contacts, x (n,) [rad²/s²]."""
     H = np.zeros((len(bodies[0].beta), x.size))
     for body in bodies:
         if body.modes is None:
@@ -306,8 +310,7 @@ def _difference_factors(bodies: Sequence[_ReferenceBody], durations: Array) -> A
         if body.compliance is not None:
             own = np.minimum(own, body.compliance[:, None])
         H += own
-    squares = H[:, None, :] * (1 + x * durations[:, None] ** 2)
-    return np.sqrt(squares.min(axis=2))
+    return H
 
 
 def _residual_channels(bodies: Sequence[_ReferenceBody]) -> tuple[Array, Array, Array]:
@@ -358,8 +361,8 @@ def _enclosures_of_run(
         for name in ("omega", "decay", "lag", "load", "v")
     )
     beta = np.ascontiguousarray(np.hstack([body.beta for body in bodies]))
-    spans = float(run.time[-1]) * (1 + FORCE_ROUNDING) * SPAN_RATIOS
-    kappa = np.ascontiguousarray(_difference_factors(bodies, spans))
+    rates = RATE_RATIOS / float(run.time[-1]) ** 2
+    compliances = np.ascontiguousarray(_compliances(bodies, rates)) * (1 + FORCE_ROUNDING)
 
     rows, losses, brake = _residual_channels(bodies)
     kernels = (library.CLaw * m)(*[packed_law(law)[0] for law in laws])
@@ -379,9 +382,9 @@ def _enclosures_of_run(
         len(losses),
         m,
         *map(library.address, inputs),
-        spans.size,
-        library.address(spans),
-        library.address(kappa),
+        rates.size,
+        library.address(rates),
+        library.address(compliances),
         addressof(kernels),
         assembly.contact_time_estimate / MIN_TIME_PIECES,
         nodes,
