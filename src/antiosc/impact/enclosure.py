@@ -145,10 +145,10 @@ def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosur
     return best
 
 
-#: Phase in a contact beyond which a mode of the reference may follow its force (18 and 35 made the
-#: bounds of four parts wider), and the momentum that its ringing would give the error in this time,
+#: Phase in a contact beyond which a mode of the reference may follow its force (25 and 50 made the
+#: bounds of six parts wider), and the momentum that its ringing would give the error in this time,
 #: over its own. Decay of such a mode over its frequency: 0.3 and 0.8 made them wider.
-FOLLOWING_PHASE = 25.0
+FOLLOWING_PHASE = 30.0
 FOLLOWING_SHARE = 4.0
 FOLLOWING_DECAY_RATIO = 0.5
 #: Numbers of vectors that are tried up to a tolerance.
