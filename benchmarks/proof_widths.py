@@ -121,8 +121,8 @@ def widths(name):
     lowest = contact * omega[omega > 0][0] / (2 * np.pi)
     print(f"{name}: {part.dofs} dofs, {first.peak_force:.5g} N, {contact:.3g} s, f1 T {lowest:.2g}")
 
-    plain, _ = cpu(ao.extract, part, site, n=20, expansion=PERIODS_IN_CONTACT / contact)
-    whole, model = cpu(ao.extract, part, site, n=20, proof=contact)
+    plain, _ = cpu(ao.extract, *make(), n=20, expansion=PERIODS_IN_CONTACT / contact)
+    whole, model = cpu(ao.extract, *make(), n=20, proof=contact)
     run = partial(ao.simulate, model, *blow, 1.3 * contact, tol=PROOF_TOL)
     hit = run()
     least = min(cpu(run)[0] for _ in range(5))
