@@ -6,6 +6,7 @@ lists the functions and the values.
 
 from __future__ import annotations
 
+import functools
 import warnings
 from typing import Any
 
@@ -57,6 +58,7 @@ def _in_a_folder_of_its_own(tmp_path_factory, monkeypatch):
     monkeypatch.chdir(tmp_path_factory.mktemp("nasty"))
 
 
+@functools.cache
 def names_of(name: str) -> list[str]:
     """Parameters of a call, but for results of the caller's own that it gives back."""
     known = {**parameters(CALLS[name]), **unmade(name, CALLS[name])}

@@ -159,9 +159,9 @@ def test_a_fall_a_map_and_a_tradeoff_are_told_with_bars_or_reasons(folder):
     surface = {**part, "supports": [{"where": "below"}], "impactor": BRACKET["impactor"]}
     surface["map"] = {"duration": 1e-3, "most_sites": 3, "n": 4, "radius": 5e-3}
     calls = [
-        ("drop", {"scene": {**part, "drop": drop}}),
+        ("drop", {"scene": {**part, "drop": drop}, "pictures": 0}),
         ("report", {"scene": surface, "path": "map.html"}),
-        ("tradeoff", {"scene": BAR}),
+        ("tradeoff", {"scene": BAR, "pictures": 0}),
     ]
     fall, page, compared = worked(folder, calls)
     for answer in (fall, page, compared):

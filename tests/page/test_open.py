@@ -125,7 +125,7 @@ def test_a_fall_shows_what_a_run_of_its_saved_scene_prints(tmp_path, capsys):
         'SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 0.06, 0.04, 0.02};\n'
         'Physical Volume("block") = {1};\n'
     )
-    one = OpenPart(geo, size=0.01)
+    one = OpenPart(geo, size=0.02)
     try:
         one.calls["look"]({})
         told = edit(one, striker="floor")
