@@ -69,6 +69,10 @@ class Contacts:
         self.closed[c] = False
         self.events.append((t, c, 0, 0.0))
 
+    def closed_contacts(self) -> list[int]:
+        """Numbers of the contacts that are closed."""
+        return [c for c, closed in enumerate(self.closed) if closed]
+
     def end_of_step(
         self, t: float, h: float, last: StepEnd, free: Array, speed: Array, A: Array, A_rate: Array
     ) -> StepEnd:
@@ -87,7 +91,7 @@ class Contacts:
         F = self.forces(free, A, rate, A_rate)
         end = StepEnd(F, free - A @ F, rate - A_rate @ F)
 
-        for c in np.flatnonzero(self.closed).tolist():
+        for c in self.closed_contacts():
             moved = float(end.delta[c]), float(end.rate[c])
             self.states[c] = self.laws[c].advance(*moved, self.states[c])
             if F[c] == 0.0 and end.delta[c] <= (origin := self.origin(c)):
@@ -98,7 +102,7 @@ class Contacts:
     def forces(self, free: Array, A: Array, rate: Array, A_rate: Array) -> Array:
         """Forces (m,) [N] of closed contacts: F = law(free - A F, rate - A_rate F), by sweeps."""
         F = np.zeros(len(free))
-        active = np.flatnonzero(self.closed).tolist()
+        active = self.closed_contacts()
 
         for _ in range(MOST_SWEEPS):
             before = F.copy()
@@ -108,8 +112,10 @@ class Contacts:
                 slopes = float(A[c, c]), slope, float(A_rate[c, c])
                 F[c] = self.laws[c].implicit(unloaded, *slopes, self.states[c], float(F[c]))
 
-            change = np.abs(F - before).max(initial=0.0)
-            if len(active) < 2 or not change > SWEEP_TOL * np.abs(F).max():
+            if len(active) < 2:
+                return F
+            change = np.abs(F - before).max()
+            if not change > SWEEP_TOL * np.abs(F).max():
                 return F
 
         raise NotConvergedError(
