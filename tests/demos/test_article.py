@@ -35,9 +35,9 @@ def case1(demos) -> dict[str, Any]:
 def case2(demos) -> dict[str, Any]:
     return demos["case2"].main(
         velocities=(0.01, 1.0),
-        counts=(4, 6, 9, 12, 15, 20, 30),
+        counts=(6, 12, 15, 20, 30),
         duration=2.5e-3,
-        sweep=(4e9,),
+        sweep=(1.55e10,),
         fe_counts=(5, 9, 20),
         reference_modes=80,
     )
