@@ -11,7 +11,6 @@ elsewhere configures nothing.
 from __future__ import annotations
 
 import atexit
-import importlib.metadata
 import importlib.util
 import locale
 import logging
@@ -25,7 +24,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 
 from antiosc.base.errors import MissingDependencyError
 
@@ -127,24 +125,6 @@ def loading() -> Iterator[None]:
         finally:
             os.fchdir(working_folder)
             os.close(working_folder)
-
-
-@contextmanager
-def versions_alone() -> Iterator[None]:
-    """Context in which `pkg_resources` gives versions of packages alone.
-
-    UFL and FFCx of Debian 12 load it for their own version: a fifth of the start of a process.
-    """
-    name = "pkg_resources"
-    if name in sys.modules:
-        yield
-        return
-    sys.modules[name] = ModuleType(name)
-    vars(sys.modules[name])["get_distribution"] = importlib.metadata.distribution
-    try:
-        yield
-    finally:
-        del sys.modules[name]
 
 
 def _give_home() -> None:
