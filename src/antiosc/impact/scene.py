@@ -43,7 +43,7 @@ from antiosc.impact.histories.run_end import (
 from antiosc.impact.histories.site_motion import INITIAL_DURATION, LONGER, parted
 from antiosc.impact.measured_band import low_band_message
 from antiosc.impact.scene_parts import SceneParts
-from antiosc.impact.settings import IVP_METHODS, MAX_CONTACTS, MAX_STEPS, PROOF_TOL, Settings
+from antiosc.impact.settings import IVP_METHODS, MAX_CONTACTS, MAX_STEPS, Settings
 from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators, is_reduced
 from antiosc.models.body import AUTO, AnyLaw, LinearBody, coarse_cell_warning, is_auto, law_of
@@ -133,7 +133,7 @@ class Scene(SceneParts):
         duration = checks.positive("duration", duration, "s")
         settings = Settings(tol, method, step, max_contacts, max_steps)
         if proof:
-            settings = replace(settings, tol=min(settings.tol, PROOF_TOL))
+            settings = settings.for_proof()
         bodies = list(self.bodies.values())
         motions = list(self.motion.values())
         doubts = plausible.warn_each(plausible.impact_doubts(bodies, bodies, *motions))
@@ -453,7 +453,7 @@ def simulate(
         n, accuracy, proof = None, min(accuracy, DEFAULT_TOL), True
     settings = Settings(accuracy, method, step, max_contacts, max_steps)
     if proof:
-        settings = replace(settings, tol=min(settings.tol, PROOF_TOL))
+        settings = settings.for_proof()
     law = law_of(contact, model, impactor)
     doubts = plausible.warn_each(plausible.impact_doubts([model], [impactor], initial_velocity))
     first = INITIAL_DURATION if is_auto(duration) else checks.positive("duration", duration, "s")

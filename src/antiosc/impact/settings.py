@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from antiosc.base import checks
 
@@ -35,3 +35,7 @@ class Settings:
             max_contacts=checks.whole("max_contacts", self.max_contacts),
             max_steps=checks.whole("max_steps", self.max_steps),
         )
+
+    def for_proof(self) -> Settings:
+        """These options with steps as fine as proved bounds need them."""
+        return replace(self, tol=min(self.tol, PROOF_TOL))
