@@ -42,13 +42,15 @@ def library(place: Path) -> Path:
 def test_what_one_mesh_has_compiled_serves_the_next(place):
     """The second form of a mesh has the same signature whether the first was compiled or loaded."""
     sizes = []
-    for _ in range(2):
+    for n in range(3):
+        for path in place.glob("*.so") if n == 2 else []:  # this process has loaded them
+            path.unlink()
         line = ao.read_mesh(dolfinx.mesh.create_unit_interval(MPI.COMM_SELF, 3)).dolfinx
         for power in (1, 2):
             value = compat.constant(line, 2.0) ** power * ufl.dx(domain=line)
             assert compat.integrate(value, line) == pytest.approx(2.0**power)
         sizes.append(len(list(place.glob("libffcx_forms_*.so"))))
-    assert sizes == [2, 2]
+    assert sizes == [2, 2, 0]
 
 
 @pytest.mark.slow

@@ -25,6 +25,7 @@ from typing import IO, Any
 
 import dolfinx.jit
 import ffcx
+import ffcx.codegeneration.jit as jit
 from cffi import VerificationError
 
 from antiosc.base.clock import uncounted
@@ -140,6 +141,7 @@ def quiet_compiler() -> Iterator[None]:
             restored(),
             quiet(*NOISY_LOGGERS),
             _ffcx_mended(),
+            _loaded_once(),
             user_folder(),
         ):
             yield
@@ -162,6 +164,29 @@ def quiet_compiler() -> Iterator[None]:
         ) from error
 
 
+#: (library, its folder) -> (its objects, its module), as this process has loaded them.
+_loaded: dict[tuple[str, str], tuple[Any, Any]] = {}
+
+
+@contextmanager
+def _loaded_once() -> Iterator[None]:
+    """Context in which FFCx loads each library once: it lists the whole folder to find one."""
+    load = jit.get_cached_module
+
+    def loaded(library: str, names: Any, folder: object, timeout: int) -> tuple[Any, Any]:
+        key = library, str(folder)
+        found = _loaded.get(key) or load(library, names, folder, timeout)
+        if found[0] is not None:  # it was compiled before
+            _loaded[key] = found
+        return found
+
+    jit.get_cached_module = loaded
+    try:
+        yield
+    finally:
+        jit.get_cached_module = load
+
+
 @contextmanager
 def _ffcx_mended() -> Iterator[None]:
     """Context without two faults of FFCx 0.5.
@@ -173,7 +198,6 @@ def _ffcx_mended() -> Iterator[None]:
     if FFCX_VERSION >= (0, 6):
         yield
         return
-    import ffcx.codegeneration.jit as jit
     import ffcx.ir.elementtables as tables
 
     if hasattr(jit, "open"):  # inside another such context
