@@ -294,46 +294,6 @@ def test_two_ranks_give_the_free_motion_of_one():
             np.testing.assert_allclose(b[part], a[part], atol=1e-6 * scale)
 
 
-def test_one_rank_that_raises_fails_all():
-    script = """
-        from mpi4py import MPI
-        if MPI.COMM_WORLD.rank == 1:
-            raise ValueError("only here")
-        MPI.COMM_WORLD.barrier()
-    """
-    with pytest.raises(AssertionError, match=r"(?s)ended with code .*only here"):
-        run_ranks(2, script)
-
-
-HANG = """
-from mpi4py import MPI
-if MPI.COMM_WORLD.rank == 0:
-    MPI.COMM_WORLD.recv(source=1)
-"""
-
-
-def test_a_hang_is_ended():
-    start = time.monotonic()
-    with pytest.raises(AssertionError, match="not done after 1 s"):
-        run_ranks(2, HANG, timeout=1)
-    assert time.monotonic() - start < 300
-
-
-@pytest.mark.parametrize("hangs", [False, True], ids=["at the start", "in a script"])
-def test_ranks_end_whose_test_was_killed(hangs, monkeypatch):
-    monkeypatch.setattr(mpi, "SPARE", 1)
-    ranks = mpi.Ranks(2)
-    if hangs:
-        ranks.run("", (), 60)
-        with pytest.raises(AssertionError, match="not done"):
-            ranks.run(HANG, (), 1)
-    ranks.close()
-    try:
-        ranks.process.wait(60)
-    finally:
-        ranks.end()
-
-
 KRYLOV = """
 warnings.simplefilter("ignore")
 block = parts.box((8, 4, 3))
@@ -463,3 +423,46 @@ def test_several_sites():
             limit = 1e-6 if key in ("force", "probe") else 1e-8
             mine, size = two[name][key], np.abs(np.array(value, dtype=float)).max()
             np.testing.assert_allclose(mine, value, atol=limit * size, err_msg=f"{name} {key}")
+
+
+# -- ranks that end: new ones start for the tests after these
+
+
+def test_one_rank_that_raises_fails_all():
+    script = """
+        from mpi4py import MPI
+        if MPI.COMM_WORLD.rank == 1:
+            raise ValueError("only here")
+        MPI.COMM_WORLD.barrier()
+    """
+    with pytest.raises(AssertionError, match=r"(?s)ended with code .*only here"):
+        run_ranks(2, script)
+
+
+HANG = """
+from mpi4py import MPI
+if MPI.COMM_WORLD.rank == 0:
+    MPI.COMM_WORLD.recv(source=1)
+"""
+
+
+def test_a_hang_is_ended():
+    start = time.monotonic()
+    with pytest.raises(AssertionError, match="not done after 1 s"):
+        run_ranks(2, HANG, timeout=1)
+    assert time.monotonic() - start < 300
+
+
+@pytest.mark.parametrize("hangs", [False, True], ids=["at the start", "in a script"])
+def test_ranks_end_whose_test_was_killed(hangs, monkeypatch):
+    monkeypatch.setattr(mpi, "SPARE", 1)
+    ranks = mpi.Ranks(2)
+    if hangs:
+        ranks.run("", (), 60)
+        with pytest.raises(AssertionError, match="not done"):
+            ranks.run(HANG, (), 1)
+    ranks.close()
+    try:
+        ranks.process.wait(60)
+    finally:
+        ranks.end()

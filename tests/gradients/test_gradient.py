@@ -46,18 +46,14 @@ def test_a_mass_on_a_rigid_wall(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("goal", "off"), [("restitution", 1e-3), ("contact_time", 1e-2)])
-def test_a_sphere_on_zeners_plate(goal: str, off: float) -> None:
+def test_a_sphere_on_zeners_plate() -> None:
     """d ln goal/d ln (m, v, k) on a plate so large that no wave returns in time."""
     given, aluminium = np.array([5e-3, 1.0, 1e8]), (70e9, 0.33, 2700.0, 2e-3)
 
-    def zeners(x: np.ndarray) -> float:
+    def zeners(x: np.ndarray) -> dict[str, float]:
         lam = zener.inelasticity(*x, thin.D, thin.surface_density)
-        return float(
-            zener.restitution(lam)
-            if goal == "restitution"
-            else zener.contact_time(lam) * zener.time_unit(*x)
-        )
+        time = zener.contact_time(lam) * zener.time_unit(*x)
+        return {"restitution": float(zener.restitution(lam)), "contact_time": float(time)}
 
     thin = SupportedPlate(*aluminium, a=1.0, b=1.0)
     time = zener.contact_time(0.49) * zener.time_unit(*given)
@@ -68,11 +64,13 @@ def test_a_sphere_on_zeners_plate(goal: str, off: float) -> None:
     compliance = plate.compliance(side / 2, side / 2)
     model = ao.from_free_modes(omega, b, compliance, n=60)
     hit = ao.simulate(model, ao.RigidMass(*given[:2]), ao.Hertz(given[2]), 1.3 * time, tol=1e-6)
-    g = ao.gradient(hit, goal)
-    assert g.value == pytest.approx(zeners(given), rel=1e-4)
-    found = np.array([g.mass, g.velocity, g.stiffness]) * given / g.value
     ends = [[zeners(given * (1 + s * 1e-4 * one)) for s in (-1, 1)] for one in np.eye(3)]
-    assert found == pytest.approx(np.log(ends) @ (-1, 1) / 2e-4, abs=off)
+    for goal, off in (("restitution", 1e-3), ("contact_time", 1e-2)):
+        g = ao.gradient(hit, goal)
+        assert g.value == pytest.approx(zeners(given)[goal], rel=1e-4)
+        found = np.array([g.mass, g.velocity, g.stiffness]) * given / g.value
+        known = np.log([[end[goal] for end in pair] for pair in ends]) @ (-1, 1) / 2e-4
+        assert found == pytest.approx(known, abs=off)
 
 
 #: Powers of mass, length and time in the units of goals and parameters.

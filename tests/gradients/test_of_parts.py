@@ -69,6 +69,12 @@ def struck() -> tuple[ao.Structure, ao.History]:
     return part, push(part)
 
 
+@pytest.fixture(scope="module")
+def g(struck: tuple[ao.Structure, ao.History]) -> ao.Gradient:
+    part, hit = struck
+    return ao.gradient(hit, "impulse", part=part, error="estimate")
+
+
 @pytest.mark.slow
 def test_shape_against_impacts_on_other_shapes(struck: tuple[ao.Structure, ao.History]) -> None:
     _, hit = struck
@@ -79,10 +85,9 @@ def test_shape_against_impacts_on_other_shapes(struck: tuple[ao.Structure, ao.Hi
 
 @pytest.mark.slow
 def test_a_design_map_adds_up_to_the_derivative(
-    struck: tuple[ao.Structure, ao.History],
+    struck: tuple[ao.Structure, ao.History], g: ao.Gradient
 ) -> None:
     part, hit = struck
-    g = ao.gradient(hit, "impulse", part=part)
     for by, expected in (("thickness", g.thickness), ("rho", g.rho)):
         found = ao.design_map(part, hit, "impulse", by=by)
         assert found.slopes.shape == (24,)
@@ -139,9 +144,10 @@ def test_a_part_that_is_not_of_the_model_is_refused(
 
 
 @pytest.mark.slow
-def test_bars_of_a_part_hold_a_finer_model(struck: tuple[ao.Structure, ao.History]) -> None:
-    part, hit = struck
-    g = ao.gradient(hit, "impulse", part=part, error="estimate")
+def test_bars_of_a_part_hold_a_finer_model(
+    struck: tuple[ao.Structure, ao.History], g: ao.Gradient
+) -> None:
+    part, _ = struck
     assert g.error is not None
     model = ao.extract(part, ao.Site((0.13, 0.09, 0), (0, 0, -1), radius=0.01), n=24)
     more = ao.simulate(model, ao.RigidMass(0.3, 1.0), ao.Hertz(2e7), 6e-3, tol=1e-6)
