@@ -161,14 +161,17 @@ def _impact_on_model(hit: History, model: AntiOscillators) -> History:
 
 
 def stress_bar(field: PeakField) -> tuple[float, float]:
-    """Relative errors (below, above) of the largest stress that counts, by the mesh."""
+    """Relative errors (below, above) of the largest stress that counts, by the mesh.
+
+    Below, its own error. Other nodes have smaller errors by chance: the largest of all lower bounds
+    lay above the truth of 2 of 28 blows.
+    """
     values, errors = _judged_stresses(field)
-    largest = float(values.max())
-    if not largest:
+    k = int(values.argmax())
+    if not values[k]:
         return 0.0, 0.0
-    below = float((values - errors).max(initial=0.0))
-    above = float((values + errors).max())
-    return 1 - below / largest, above / largest - 1
+    above = float((values + errors).max()) / values[k] - 1
+    return min(float(errors[k] / values[k]), 1.0), above
 
 
 def _judged_stresses(field: PeakField) -> tuple[Array, Array]:
@@ -232,7 +235,7 @@ def _with_sentence(result: StressResult) -> StressResult:
 def _unknown_text(field: PeakField) -> str:
     """Text: the stress above which nothing is known, and the place of the largest bound."""
     values, errors = _judged_stresses(field)
-    least = float((values - errors).max(initial=0.0))
+    least = float(values.max()) * (1 - stress_bar(field)[0])
     upper = values + errors
     k = int(upper.argmax())
 
