@@ -13,12 +13,6 @@ from antiosc.base import checks
 from antiosc.base.errors import InputError, name_list
 from antiosc.base.texts import engineering
 
-#: Materials of which a deck without densities may be.
-COMMON_MATERIALS = (
-    *("steel S235", "aluminium 6082-T6", "titanium Ti-6Al-4V", "magnesium AZ31B"),
-    *("concrete C30/37", "PC", "rubber NR 50 IRHD"),
-)
-
 
 @dataclass(frozen=True)
 class MaterialRecord:
