@@ -22,7 +22,7 @@
 #define APART 1.25 /* damping ratio from which the two decays of a mode are bounded by themselves */
 #define WAVY 0.8   /* below which it swings in an envelope */
 #define TRIES 60
-#define TOUCHING 16 /* pieces more where a contact opens, closes or turns */
+#define TOUCHING 8  /* pieces more where a contact opens, closes or turns */
 #define ROUNDS 4    /* of the forces of a step */
 
 /* A contact during a piece: force, rate and curvature of the reference, its indentations. */
@@ -123,6 +123,7 @@ typedef struct enclosing {
     double h, half;            /* length of a piece; of all those of half a step */
     int64_t count;
     double energy, bound;      /* relative energy without the defects' share; its largest bound */
+    double kinetic;            /* largest kinetic energy of the reference motion */
     double integral, t;        /* of sqrt(2 E) */
 } enclosing;
 
@@ -804,6 +805,11 @@ int aom_enclose(const aom_enclosure *e, void *memory) {
             record_piece(&x);
         }
         record_node(&x, node + 1);
+
+        /* an error of the whole energy: nothing is known from here on */
+        x.kinetic = larger(x.kinetic, 0.5 * along(e->n_modes, x.v, x.v));
+        if (x.bound > x.kinetic)
+            return AOM_STUCK;
     }
     return AOM_DONE;
 }
