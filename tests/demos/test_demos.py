@@ -133,6 +133,6 @@ def test_tip_damper(pictured):
 
 
 def test_find_blow(pictured):
-    errors = demo("find_blow").main(out=pictured)
+    errors = demo("find_blow").main(size=0.04, out=pictured)
     assert errors["place"] < 2e-3
     assert abs(errors["peak force"]) < 0.05
