@@ -100,8 +100,8 @@ STALLED_ERROR, MOST_CG_STEPS = 1e-6, 60
 RIDGE_SHARE = 1e-14
 #: Largest ‖A‖‖x‖/‖Ax‖: products by strains leave a mechanism about 1e-32 of the stiffest motion.
 SOLUTION_GROWTH_BY_STRAINS = 1e24
-#: Loads that go through the tree together: few enough that they share their branch.
-LOADS_PER_WALK = 64
+#: Loads that go through the tree together.
+LOADS_PER_WALK = 256
 #: Columns of L that are solved for at a time; the triangle of so many is copied.
 PANEL_COLUMNS = 128
 #: Right-hand sides of a block where all is solved for.
@@ -514,29 +514,44 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
     first = np.minimum.reduceat(position[B.indices], B.indptr[loaded_rows])
     order = loaded_rows[np.argsort(first, kind="stable")]
     result = np.zeros(B.shape[1])
-    W = np.zeros((len(position), LOADS_PER_WALK))
+    settings = {"side": 1, "lower": 1, "trans_a": 1, "overwrite_b": 1}  # Zᵀ = (L⁻¹Z)ᵀ, no copy
+    solve_in_place = partial(scipy.linalg.blas.dtrsm, **settings)
+    compact = np.empty_like(position)
 
     with counting("sites of the map", len(order)) as report:
         for start in range(0, len(order), LOADS_PER_WALK):
             sites = order[start : start + LOADS_PER_WALK]
             part = B[:, sites].tocoo()
             rows = position[part.row]
-            W[rows, part.col] = part.data
+            branch = _branch(np.unique(supernode[rows]), parent)
 
-            Z = W[:, : len(sites)]
-            for s in _branch(np.unique(supernode[rows]), parent):
-                row_numbers = L.rows[L.row[s] : L.row[s + 1]]
+            # loads of a subtree follow one another; the last entries are those above a root
+            begin = np.full(len(columns) + 1, len(sites))
+            end = np.zeros(len(columns) + 1, dtype=int)
+            np.minimum.at(begin, supernode[rows], part.col)
+            np.maximum.at(end, supernode[rows], part.col + 1)
+            for s in branch:
+                begin[parent[s]] = min(begin[parent[s]], begin[s])
+                end[parent[s]] = max(end[parent[s]], end[s])
+
+            in_branch = np.flatnonzero(np.isin(supernode, branch))
+            compact[in_branch] = np.arange(len(in_branch))
+            W = np.zeros((len(in_branch), len(sites)))
+            W[compact[rows], part.col] = part.data
+
+            for s in branch:
+                row_numbers = compact[L.rows[L.row[s] : L.row[s + 1]]]
                 height = len(row_numbers)
                 width = columns[s]
                 block = L.values[L.value[s] : L.value[s] + height * width].reshape(width, height).T
+                Z = W[:, begin[s] : end[s]]
                 z = Z[row_numbers]
                 for c in range(0, width, PANEL_COLUMNS):
                     d = min(c + PANEL_COLUMNS, width)
-                    z[c:d] = scipy.linalg.blas.dtrsm(1.0, block[c:d, c:d], z[c:d], lower=1)
+                    solve_in_place(1.0, block[c:d, c:d], z[c:d].T)
                     z[d:] -= block[d:, c:d] @ z[c:d]
-                result[sites] += np.einsum("ij,ij->j", z[:width], z[:width])
+                result[sites[begin[s] : end[s]]] += np.einsum("ij,ij->j", z[:width], z[:width])
                 Z[row_numbers[width:]] = z[width:]
-                Z[L.start[s] : L.start[s + 1]] = 0.0
 
             report(min(start + LOADS_PER_WALK, len(order)))
 
