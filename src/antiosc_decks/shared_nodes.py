@@ -495,7 +495,8 @@ def _tied_nodes(
     geometry = leader.part.mesh.geometry
     points = leader.at.own(follower.nodes[nodes])
     start = np.tile(geometry.centre(), (len(nodes), 1))
-    X = projected(lambda k, X: geometry.at(cells[k], X), points, start, affine=geometry.affine)
+    affine = geometry.affine[cells]
+    X = projected(lambda k, X: geometry.at(cells[k], X), points, start, affine=affine)
     for exact in (0.0, 1.0):
         X = np.where(np.abs(X - exact) < 1e-12, exact, X)
     motions = layout.at_points(leader, cells, X, names)

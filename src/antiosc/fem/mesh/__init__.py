@@ -34,7 +34,6 @@ class CellGeometry:
         kind = getattr(basix.CellType, cell)
         self.nodes = nodes
         self.simplex = cell in SIMPLICES
-        self.affine = self.simplex and order == 1
         self.corners = np.asarray(basix.geometry(kind))
         self._topology = basix.topology(kind)
         self._element = basix.create_element(basix.ElementFamily.P, kind, order)
@@ -76,15 +75,28 @@ class CellGeometry:
         size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
         return np.asarray(np.linalg.norm(off, axis=2).max(axis=1) <= STRAIGHTNESS * size)
 
+    @cached_property
+    def affine(self) -> BoolArray:
+        """Mask (cells,) of the cells whose map x(X) is affine, such as parallelograms."""
+        first = self.nodes[:, :1]
+        axes = self.nodes[:, self._neighbours[: self.corners.shape[1]]] - first
+        off = self.nodes - first - self.reference_nodes @ axes
+        size = np.linalg.norm(axes, axis=2).max(axis=1)
+        return np.asarray(np.linalg.norm(off, axis=2).max(axis=1) <= STRAIGHTNESS * size)
+
+    @property
+    def _neighbours(self) -> list[int]:
+        """Corners of a cell, or of one of its entities, along the axes from its first corner."""
+        return [1, 2, 3] if self.simplex else [1, 2, 4]
+
     def entities(self, dim: int) -> tuple[Array, Array]:
         """(origins (n, tdim), axes (n, tdim, dim)) of a cell's entities of dimension `dim`.
 
         Their points are X = origin + axes ξ in reference coordinates.
         """
         vertices = np.array(self._topology[dim])
-        neighbours = [1, 2, 3] if self.simplex else [1, 2, 4]
         origin = self.corners[vertices[:, 0]]
-        axes = self.corners[vertices[:, neighbours[:dim]]] - origin[:, None]
+        axes = self.corners[vertices[:, self._neighbours[:dim]]] - origin[:, None]
         return origin, np.swapaxes(axes, 1, 2)
 
 
@@ -98,7 +110,7 @@ class CellEntities:
         self._origin = origin
         self._axes = axes
         self.simplex = geometry.simplex or dim < 2
-        self.affine = geometry.affine
+        self.affine = geometry.affine[cells]
         self.middle = np.full((len(cells), dim), 1 / (dim + 1) if self.simplex else 0.5)
 
     def __len__(self) -> int:

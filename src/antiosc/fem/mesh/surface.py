@@ -14,7 +14,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.mesh import CellEntities, Mesh
 from antiosc.fem.platform import compat
@@ -35,22 +35,22 @@ def projected(
     points: Array,
     start: Array,
     *,
-    affine: bool,
+    affine: BoolArray,
     along: Array | None = None,
 ) -> Array:
     """Reference coordinates (n, t) at which x(ξ) is nearest to each point, inside its cell or
     outside.
 
     Gauss–Newton iteration from `start` (n, t); it stops for points (n, 3) whose projection lies far
-    outside the cell. `at`: numbers k of points, ξ (k, t) -> (x (k, 3), dx/dξ (k, 3, t)); `affine`:
-    whether x(ξ) is, so that one step is exact; `along`: unit vectors (n, 3) of the projection.
+    outside the cell. `at`: numbers k of points, ξ (k, t) -> (x (k, 3), dx/dξ (k, 3, t)); `affine`
+    (n,): where x(ξ) is, one step is exact; `along`: unit vectors (n, 3) of the projection.
     """
     xi = np.array(start)
     step = np.zeros_like(xi)
     least = np.full(len(points), np.inf)
 
     moving = np.arange(len(points))
-    for _ in range(1 if affine else FOOT_STEPS):
+    for _ in range(FOOT_STEPS):
         trial = xi[moving] + step[moving]
         x, J = at(moving, trial)
         gap = points[moving] - x
@@ -67,7 +67,8 @@ def projected(
         step[moving] = np.where(closer, _gauss_newton(J, gap), step[moving] / 2)
         ahead = xi[moving] + step[moving]
         far = (ahead.min(axis=1) < -FOOT_BEYOND) | (ahead.max(axis=1) > 1 + FOOT_BEYOND)
-        moving = moving[(np.abs(step[moving]).max(axis=1) > FOOT_SETTLED) & ~far]
+        unsettled = np.abs(step[moving]).max(axis=1) > FOOT_SETTLED
+        moving = moving[unsettled & ~far & ~affine[moving]]
         if not len(moving):
             break
 
@@ -215,7 +216,7 @@ def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array
     item, point = item[boxed.all(axis=1)], point[boxed.all(axis=1)]
     start = np.tile(geometry.centre(), (len(item), 1))
     xi = projected(
-        lambda k, X: geometry.at(item[k], X), points[point], start, affine=geometry.affine
+        lambda k, X: geometry.at(item[k], X), points[point], start, affine=geometry.affine[item]
     )
     gap = np.linalg.norm(geometry.at(item, xi)[0] - points[point], axis=1)
     holds = np.flatnonzero(
@@ -262,7 +263,8 @@ def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
 def foot_coordinates(entities: CellEntities, item: IntArray, points: Array) -> Array:
     """ξ (n, dim) of the place on each entity `item` (n,) nearest to its point (n, 3)."""
     start = entities.middle[item]
-    xi = projected(lambda k, xi: entities.at(item[k], xi), points, start, affine=entities.affine)
+    affine = entities.affine[item]
+    xi = projected(lambda k, xi: entities.at(item[k], xi), points, start, affine=affine)
     return clamped(xi, entities.simplex)
 
 
@@ -347,7 +349,7 @@ class Entities(CellEntities):
     def radii(self) -> Array:
         """Radius (F,) [m] of a ball around the middle that contains the entity."""
         gap = np.linalg.norm(self.corners - self.centres[:, None], axis=2)
-        return np.asarray(gap.max(axis=1, initial=0.0) * (1.0 if self.affine else 1.3))
+        return np.asarray(gap.max(axis=1, initial=0.0) * np.where(self.affine, 1.0, 1.3))
 
 
 def entity_shape(mesh: Mesh, dim: int) -> str:
@@ -539,19 +541,17 @@ class Faces(Entities):
             lambda k, xi: self.at(item[k], xi),
             points[point],
             self.middle[item],
-            affine=self.affine,
+            affine=self.affine[item],
             along=normals[point],
         )
+        inside = outside_distance(on_plane, self.simplex) <= FACE_TOLERANCE
+        item, point, on_plane = item[inside], point[inside], on_plane[inside]
         x, normal = self.across(item, on_plane)
         gap = np.abs(np.einsum("nd,nd->n", x - points[point], normals[point]))
         cosine = np.einsum("nd,nd->n", normal, normals[point])
         cosine = np.abs(cosine) if self.sheet else cosine
 
-        hit = np.flatnonzero(
-            (outside_distance(on_plane, self.simplex) <= FACE_TOLERANCE)
-            & (cosine > SAME_FACE_COSINE)
-            & (gap <= rise)
-        )
+        hit = np.flatnonzero((cosine > SAME_FACE_COSINE) & (gap <= rise))
 
         # the nearest, then the first, is written last
         hit = hit[np.lexsort((-item[hit], -gap[hit], point[hit]))]

@@ -161,7 +161,7 @@ class Strains:
         degree = PRODUCT_DEGREE if by_products else RULE_DEGREE
         self.X, weights = compat.quadrature(mesh.cell, degree)
         owned = compat.cell_index_map(mesh.dolfinx).size_local
-        slopes = mesh.geometry.slopes(self.X)[: 1 if mesh.geometry.affine else None]
+        slopes = mesh.geometry.slopes(self.X)[: 1 if mesh.geometry.affine.all() else None]
         J = np.swapaxes(mesh.geometry.nodes[:owned, :, : mesh.gdim], 1, 2)[:, None] @ slopes
         self._inverse = np.linalg.inv(J)
 

@@ -193,7 +193,7 @@ def _patch_around(faces: Faces, point: Array) -> Patch:
         lambda k, xi: faces.at(facets[k], xi),
         np.tile(point, (len(facets), 1)),
         faces.middle[facets],
-        affine=faces.affine,
+        affine=faces.affine[facets],
     )
     nearest_points = faces.at(facets, clamped(xi, faces.simplex))[0]
     gap = np.linalg.norm(nearest_points - point, axis=1)
