@@ -160,15 +160,15 @@ def memory_of(name: str, size: float, method: str) -> float:
 
 
 def mapped(name: str, size: float, group: str | None) -> dict[str, Any]:
-    """Every point of a surface, and some of them by direct extraction."""
+    """Every point of a surface, in CPU seconds, and some of them by direct extraction."""
     case = Case(name, size)
-    started = time.perf_counter()
+    started = time.process_time()
     ao.extract(case.part, case.site, n=12, shapes=False)
-    alone = case.before + time.perf_counter() - started
+    alone = case.worked_before + time.process_time() - started
     options: dict[str, Any] = {"radius": 3e-3} if name == "bracket" else {"direction": (0, 0, -1)}
-    started = time.perf_counter()
+    started = time.process_time()
     found = ao.impact_map(case.part, group, **options)
-    spent = time.perf_counter() - started
+    spent = time.process_time() - started
     some = 50 if case.part.dofs < LARGE else 20
     which = np.random.default_rng(0).choice(len(found), some, replace=False)
     sites = sites_of(case.part, group, options.get("direction"), options.get("radius")).sites
@@ -198,7 +198,7 @@ def mapped(name: str, size: float, group: str | None) -> dict[str, Any]:
         "one extraction of 12 anti-oscillators, assembly and factor included": alone,
         "map": spent,
         "map over that": spent / alone,
-        "assembly, factor and map over that": (case.before + spent) / alone,
+        "assembly, factor and map over that": (case.worked_before + spent) / alone,
         "milliseconds for one more site": 1e3 * (spent - alone) / len(found),
         f"error of k0 at {some} sites, median and largest": [
             float(np.median(off)),
@@ -209,7 +209,6 @@ def mapped(name: str, size: float, group: str | None) -> dict[str, Any]:
             float(np.median(found.error)),
             float(found.error.max()),
         ],
-        "sites extracted directly": int(found.direct.sum()),
     }
 
 
