@@ -140,6 +140,18 @@ def from_csr(name: str, matrix: scipy.sparse.csr_matrix) -> PETSc.Mat:
     return result
 
 
+def without_zeros(matrix: PETSc.Mat) -> PETSc.Mat:
+    """The matrix without its stored zeros: of M, those between the directions at two nodes."""
+    pointers, columns, values = matrix.getValuesCSR()
+    stored = values != 0
+    count = np.append(0, np.cumsum(stored))
+    csr = count[pointers].astype(PETSc.IntType), columns[stored], values[stored]
+    block = matrix.getBlockSize()
+    result = PETSc.Mat().createAIJ(matrix.getSizes(), block, csr=csr, comm=matrix.getComm())
+    register_for_release(matrix)
+    return result
+
+
 def copied_matrix(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
     """A copy of any PETSc matrix with accessible entries."""
     if not matrix:

@@ -32,7 +32,7 @@ from antiosc.fem.elements.weak_form import (
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.iterative import without_fixed
-from antiosc.fem.linalg.petsc_algebra import CELLS_KEY, cell_matrix, uses_cells
+from antiosc.fem.linalg.petsc_algebra import CELLS_KEY, cell_matrix, uses_cells, without_zeros
 from antiosc.fem.linalg.solver import checked_choice
 from antiosc.fem.linalg.solver_choice import use_strain_product
 from antiosc.fem.mesh import Mesh
@@ -610,7 +610,9 @@ def assembled_part(
         S = compat.strain_matrix(strains, degree, form.space, conditions)
         _use_strains(K, S, added_to_K, fixed)
 
-    if by_cells is not None:
+    if by_cells is None:
+        M = without_zeros(M)
+    else:
         by_cells.carries = bool(attachments)
 
     mass = compat.integrate(form.density * measure(mesh, 5), mesh.dolfinx)
