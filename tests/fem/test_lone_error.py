@@ -24,6 +24,7 @@ PART = """
 #: Calls with an error on rank 1, and a word of it.
 CALLS = {
     "by itself": ("rank and 1 / 0", "ZeroDivisionError"),
+    "a material": ("ao.Solid(float('nan') if rank else 70e9, 0.33, 2700.0)", "InputError"),
     "a warning": (
         "warnings.simplefilter('error'); rank and warnings.warn('told')", "UserWarning: told"
     ),
