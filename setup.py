@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parent
 
 class BuildWithLibrary(build_py):
     def run(self) -> None:
-        name = library.build().name
+        name = library.build_unless_present().name
         self.package_data.setdefault("antiosc", []).extend([name, "binaries/*"])
         self.__dict__.pop("data_files", None)  # found before the library was there
         super().run()

@@ -9,6 +9,7 @@ keeps that file, so that no user needs a compiler for it.
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import importlib.util
 import os
@@ -80,6 +81,20 @@ def build() -> Path:
     if not command:
         raise SystemExit("antiosc: no C compiler; install gcc, or `pip install ziglang`.")
     return _compiled(command, PACKAGE / f"libantiosc_march{suffix()}")
+
+
+def build_unless_present() -> Path:
+    """The library; compiled unless that of the present sources stands there, as after `make`."""
+    made = PACKAGE / f"libantiosc_march{suffix()}"
+    if os.environ.keys().isdisjoint({"ANTIOSC_TARGET", "CC"}) and made.is_file():
+        try:
+            built = ctypes.CDLL(str(made)).aom_source_hash
+        except (OSError, AttributeError):  # damaged, or of another machine
+            return build()
+        built.restype = ctypes.c_char_p
+        if built() == source_hash().encode():
+            return made
+    return build()
 
 
 def build_for_fmus() -> list[Path]:
