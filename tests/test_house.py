@@ -6,6 +6,7 @@ import ast
 import functools
 import inspect
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -43,11 +44,19 @@ def imported_by(node: ast.AST) -> set[tuple[str, str]]:
     return {(alias.name, "") for alias in node.names} if isinstance(node, ast.Import) else set()
 
 
+def statements(block: ast.AST) -> Iterator[ast.AST]:
+    """All statements within a block; expressions, most of a tree, are left out."""
+    for name in ("body", "handlers", "orelse", "finalbody", "cases"):
+        for each in getattr(block, name, ()):
+            yield each
+            yield from statements(each)
+
+
 @functools.cache
 def all_imports() -> dict[str, set[tuple[str, str]]]:
     """Module -> (module, name) of its imports, within functions and for types alone too."""
     return {
-        name: {found for node in ast.walk(tree) for found in imported_by(node)}
+        name: {found for node in statements(tree) for found in imported_by(node)}
         for name, tree in trees().items()
     }
 
