@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import pictures
 import readers
 from antiosc.io import isolation
+from antiosc.plot import charts
 
 # Forms are compiled with little optimisation, here and in all processes of tests: small meshes, and
 # hundreds of forms in a new cache. FFCx holds such libraries apart from those of a user's own runs.
@@ -59,6 +61,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 def pytest_collection_finish() -> None:
     isolation._run_reader = readers.ask
+    charts.render = pictures.rough
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by marks

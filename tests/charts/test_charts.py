@@ -8,14 +8,17 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+import pictures
 from antiosc import plotting
+from antiosc.plot import charts
 from scenes import HERTZ, case_two
 
 plt = pytest.importorskip("matplotlib.pyplot")
 
 
 @pytest.fixture(autouse=True)
-def _close():
+def _drawn_as_by_users(monkeypatch):
+    monkeypatch.setattr(charts, "render", pictures.render)
     plt.switch_backend("Agg")
     yield
     plt.close("all")

@@ -6,19 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from antiosc.plot import charts
 from paths import demo
-
-
-@pytest.fixture(autouse=True)
-def pictures_without_layout(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Most of the time of a picture goes into its layout, which tests/charts tests."""
-
-    def rough(figure, target, **options):
-        figure.set_layout_engine("none")
-        figure.savefig(target, dpi=50)
-
-    monkeypatch.setattr(charts, "render", rough)
 
 
 @pytest.fixture(autouse=True)
