@@ -53,7 +53,7 @@ def test_a_blow_ends_with_a_stress_to_a_tolerance(stepped):
 
     point = closed.margin().point
     assert 0.036 < point[0] < 0.045
-    fine = ao.read_mesh(stepped, size=4e-3, refine=[(tuple(point), 4.5e-4)])
+    fine = ao.read_mesh(stepped, size=8e-3, refine=[(tuple(point), 4.5e-4)])
     part = ao.Structure(fine, STEEL, held)
     again = hit.again(model=ao.extract(part, SITE, n=hit.model.n), law=hit.law)
     low, high = closed.margin().stresses
@@ -126,7 +126,7 @@ def test_bodies_that_do_not_touch_have_no_stress_to_refine():
 
 
 def test_corners_of_quadratic_cells_do_not_count(tmp_path):
-    """In the middles of edges the bars are narrower, and hold that of a third of the size."""
+    """In the middles of edges the bars are narrower, and hold those of half the size."""
     path = tmp_path / "block.geo"
     path.write_text(BLOCK, encoding="ascii")
     site = ao.Site((0.05, 0.01, 0.02), (0, 0, -1), radius=2e-3)
@@ -144,6 +144,6 @@ def test_corners_of_quadratic_cells_do_not_count(tmp_path):
         kinds = below & peak.counts, below & ~peak.counts
         return np.array([(low[kind].max(), high[kind].max()) for kind in kinds])
 
-    coarse, (fine, _) = bars(3e-3), bars(1e-3)
+    coarse, (fine, _) = bars(3e-3), bars(1.5e-3)
     assert coarse[0, 0] < fine[0] < fine[1] < coarse[0, 1]
     assert np.ptp(coarse[1]) > 2 * np.ptp(coarse[0])
