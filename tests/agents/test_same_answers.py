@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from agent_calls import filled, number, one_by_one, served, told
+from agent_calls import filled, number, one_by_one, served_here, told
 from antiosc_app import commands
 from antiosc_app.cli import main
 from antiosc_app.edited import toml_text
@@ -49,7 +49,7 @@ def test_python_command_page_and_tool_agree(tmp_path, capsys):
     written = json.loads((folder / "out/result.json").read_text(encoding="utf-8"))["result"]
     document = read_document(path)
     hit = commands.study_results(document, commands.compiled_for(document, "run"), "run").history
-    answer = told(*served(folder, one_by_one([("strike", {"scene": sections})])))
+    answer = told(*served_here(folder, one_by_one([("strike", {"scene": sections})])))
 
     assert of_scene(answer["text"]) == of_scene(shown["text"])
     assert [(card["name"], card["text"]) for card in answer["cards"]] == [
