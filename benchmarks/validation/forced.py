@@ -71,19 +71,20 @@ def answer(test: Forced) -> tuple[Array, Array, Array]:
     return t, -1e3 * moved, 1e-6 * stress * np.sign(stress[-1])
 
 
-def harmonic(t: Array, value: Array, frequencies: Array) -> Array:
-    """|H| of the answer to a sine, from the answer to a step."""
-    moving = (value - value[-1]) * np.gradient(t)
-    moving[0] /= 2
+def harmonic(t: Array, values: Array, frequencies: Array) -> Array:
+    """|H| (…, n) of answers to a sine, from those to a step, `values` (…, times)."""
+    moving = (values - values[:, -1:]) * np.gradient(t)
+    moving[:, 0] /= 2
     omega = 2j * np.pi * frequencies
-    return np.asarray(np.abs(value[-1] + omega * (np.exp(-np.outer(omega, t)) @ moving)))
+    changes = omega * (moving @ np.exp(-np.outer(t, omega)))
+    return np.asarray(np.abs(values[:, -1:] + changes))
 
 
 def forced(test: Forced, picture: Path) -> list[Row]:
     """The printed values of the three loads."""
     t, moved, stress = answer(test)
     frequencies = test.harmonic[2] * np.linspace(0.95, 1.05, 401)
-    H = [harmonic(t, value, frequencies) for value in (moved, stress)]
+    H = harmonic(t, np.array([moved, stress]), frequencies)
     peak = int(np.argmax(moved))
     at = float(frequencies[np.argmax(H[0])])
     found = [moved[peak], t[peak], stress.max(), moved[-1], H[0].max(), H[1].max(), at]
