@@ -257,12 +257,10 @@ class PolynomialBeam:
         once, twice = [], []
         for start, length, degree in self._segments:
             size = np.sqrt((2 * np.arange(degree + 1) + 1) / length)
-            integrals = [legendre.legint(np.diag(size), m, lbnd=-1) for m in (1, 2)]
             inside = np.clip(2 * (x - start) / length - 1, -1, 1)
-            first, second = (
-                (length / 2) ** m * legendre.legvander(inside, degree + m) @ integral
-                for m, integral in enumerate(integrals, start=1)
-            )
+            integrals = _integrals(legendre.legvander(inside, degree + 2))
+            first = length / 2 * integrals[:, :-1] * size
+            second = (length / 2) ** 2 * _integrals(integrals) * size
             beyond = np.maximum(x - start - length, 0.0)[:, None]
             once.append(first)
             twice.append(second + beyond * first)
@@ -288,6 +286,17 @@ class PolynomialBeam:
         theta, phi = scipy.linalg.eigh(M, A, subset_by_index=[most - n, most - 1])
         phi = N @ (phi / np.sqrt(theta))[:, ::-1]
         return np.sqrt(1 / theta - shift)[::-1], phi
+
+
+def _integrals(values: Array) -> Array:
+    """Integrals (points, k) from -1 of Legendre's polynomials with `values` (points, k + 1).
+
+    (P_(k+1) - P_(k-1))/(2 k + 1), which also takes these integrals to their own ones.
+    """
+    differences = values[:, 1:].copy()
+    differences[:, 0] += values[:, 0]
+    differences[:, 1:] -= values[:, :-2]
+    return differences / (2 * np.arange(differences.shape[1]) + 1)
 
 
 def pinned_free(beam: UniformBeam, site: float | None = None) -> StruckBeam:
