@@ -224,7 +224,6 @@ class PolynomialBeam:
 
         x, rule = np.concatenate(points), np.concatenate(weights)
         w, theta = self.motions(x)
-        self.stiffness = np.diag(np.append([0.0, 0.0], np.ones(self.size - 2)))
         self.mass = (w.T * rule) @ w + beam.alpha * (theta.T * rule) @ theta
         self.moved = rule @ w
 
@@ -242,7 +241,8 @@ class PolynomialBeam:
         N = null_space(self._held) if len(rows) else np.eye(self.size)
         heavy = self.mass @ self.rigid
         load = self.at_site - heavy @ at_site
-        stiffness = N.T @ (self.stiffness + heavy @ heavy.T) @ N
+        pushed = N.T @ heavy
+        stiffness = _stiffness(N) + pushed @ pushed.T
         self.deflection = N @ scipy.linalg.solve(stiffness, N.T @ load, assume_a="pos")
 
         compliance = float(self.at_site @ self.deflection)
@@ -281,11 +281,17 @@ class PolynomialBeam:
         # the rounding of 1/(Ω + s) is small at both ends of the spectrum with s between them
         shift = 3 * (max(n, 1) * math.pi) ** 2 / (1 + self._eta)
         M = N.T @ self.mass @ N
-        A = N.T @ self.stiffness @ N + shift * M
+        A = _stiffness(N) + shift * M
         most = len(M) - (self.hidden if held else self.rigid).shape[1]
         theta, phi = scipy.linalg.eigh(M, A, subset_by_index=[most - n, most - 1])
         phi = N @ (phi / np.sqrt(theta))[:, ::-1]
         return np.sqrt(1 / theta - shift)[::-1], phi
+
+
+def _stiffness(shapes: Array) -> Array:
+    """Stiffness of shapes (size, n): coefficients of curvature and shear have 1, w₀ and θ₀ 0."""
+    strains = shapes[2:]
+    return strains.T @ strains
 
 
 def _integrals(values: Array) -> Array:
