@@ -241,8 +241,8 @@ def test_a_patch_has_its_centre_at_the_site_on_any_mesh():
 
 @pytest.mark.slow
 def test_curved_patch_carries_a_unit_force():
-    mesh = ao.read_mesh(MESHES / "bracket.msh")
-    part = ao.Structure(mesh, ao.Solid(**parts.ALUMINIUM))
+    mesh = ao.read_mesh(MESHES / "bracket.msh", order=1)
+    part = ao.Structure(mesh, ao.Solid(**parts.ALUMINIUM), order=1)
     ground = surface_sample(part, "eye")
     along = np.tile([0.0, 0.0, 1.0], (len(ground.points), 1))
     found = located_sites(part, ground.points, along, np.full(len(along), 4e-3))
