@@ -106,7 +106,7 @@ def test_two_integrators_agree_on_the_forces_of_case2(case2):
 def test_plane_and_solid_parts_are_the_beam(demos):
     """Stiffness, mass, antiresonance and, where the contact is calm, the force."""
     parts = demos["parts"].main(
-        across=3, coarse=24e-3, n1=12, n2=12, reference_modes=60, check=False, step=2e-6
+        across=3, per_fine=7, coarse=30e-3, n1=12, n2=12, reference_modes=60, check=False, step=2e-6
     )
     for beam, plane, solid in (case.values() for case in parts.values()):
         for part in (plane, solid):
