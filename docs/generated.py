@@ -81,6 +81,7 @@ WORDS = {
 }
 #: the scene whose report stands in the pages
 REPORTED = ROOT / "demos/scenes/step.toml"
+LIVE_REPORT = ROOT / "out/live_report.html"
 
 
 def public_names() -> dict[str, str]:
@@ -245,7 +246,7 @@ def gallery(scripts: str, names: list[str], folder: Path) -> list[str]:
 
 def embedded(out: str) -> str:
     """HTML that shows the report of a scene, which stands beside the pages after this."""
-    made, shown = ROOT / "out/live_report.html", Path(out, "_static/report.html")
+    made, shown = LIVE_REPORT, Path(out, "_static/report.html")
     sources = [REPORTED, *(ROOT / "src/antiosc_app").rglob("*.*")]
     if not made.is_file() or any(one.stat().st_mtime > made.stat().st_mtime for one in sources):
         made.parent.mkdir(exist_ok=True)
