@@ -154,7 +154,7 @@ SCRIPT = """
     warnings.simplefilter("ignore")
     hit = ao.strike(
         plate((6, 2), (0.3, 0.1), "triangle"), ao.Site((0.25, 0.1), (0, -1), radius=0.012),
-        ao.RigidMass(0.5, 1.0), ao.Hertz(1e10), 1e-3, tol=0.005, order=1,
+        ao.RigidMass(0.5, 1.0), ao.Hertz(1e10), 1e-3, tol=0.01, order=1,
         material=ao.Solid(**STEEL, plane="stress", thickness=0.01), supports=[ao.Support("left")],
     )
     meshes = len(hit.model.info["strike"])
@@ -168,7 +168,7 @@ def test_two_ranks_meet_the_tolerance():
     for status, meshes, _, bar in (one, two):
         assert status == 0
         assert meshes > 1
-        assert bar <= 0.005
+        assert bar <= 0.01
     assert two[2] == pytest.approx(one[2], rel=one[3] + two[3])
 
 

@@ -13,6 +13,9 @@ import sys
 import traceback
 import warnings
 
+import pictures
+from antiosc.plot import charts
+
 
 def run(script: str, output: str, folder: str, arguments: list[str]) -> None:
     """Run the script as `python` does, and leave nothing of it behind."""
@@ -41,6 +44,7 @@ def main(pipes: str) -> None:
     rank = MPI.COMM_WORLD.rank
     with contextlib.suppress(ImportError):
         importlib.import_module("antiosc.fem")
+    charts.render = pictures.rough
     with (
         open(f"{pipes}/ask.{rank}", opener=at_once) as asked,
         open(f"{pipes}/done", "wb", 0, opener=at_once) as done,
