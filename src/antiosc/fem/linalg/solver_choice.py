@@ -459,12 +459,13 @@ def _compliances_at_two_shifts(
     structure: FactoredStructure, solver: Factorization, loads: scipy.sparse.csr_matrix, step: float
 ) -> tuple[Array, Array]:
     """bᵀ(K + sM)⁻¹b (P,) of every load b at the structure's shift s, and at s + `step`."""
-    A = sum_of(structure.K, structure.shift + step, structure.M)
     if isinstance(solver, CholmodFactor):
         first = solver.cholesky
-        second = Cholesky(lower_triangle(csr(A)), permutation=first.permutation).factorized()
+        A = csr(structure.K) + (structure.shift + step) * csr(structure.M)
+        second = Cholesky(lower_triangle(A), permutation=first.permutation).factorized()
         return compliances(first, loads), compliances(second, loads)
 
+    A = sum_of(structure.K, structure.shift + step, structure.M)
     results = np.zeros((2, loads.shape[1]))
     for result, factor in zip(results, (solver, factorize(A)), strict=True):
         for part, B, Y in _blocks_of_solutions(factor, loads):

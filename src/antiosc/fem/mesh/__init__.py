@@ -67,13 +67,19 @@ class CellGeometry:
         return np.array(self._topology[1])
 
     @cached_property
+    def bulge(self) -> Array:
+        """Largest distance (cells,) [m] of a node from where it stands in a straight cell."""
+        linear = basix.create_element(basix.ElementFamily.P, self._element.cell_type, 1)
+        weights = linear.tabulate(0, self.reference_nodes)[0, :, :, 0]
+        off = self.nodes - weights @ self.nodes[:, : len(self.corners)]
+        return np.asarray(np.linalg.norm(off, axis=2).max(axis=1, initial=0.0))
+
+    @cached_property
     def straight(self) -> BoolArray:
         """Mask (cells,) of the cells with straight edges and flat faces."""
-        linear = basix.create_element(basix.ElementFamily.P, self._element.cell_type, 1)
         corners = self.nodes[:, : len(self.corners)]
-        off = self.nodes - linear.tabulate(0, self.reference_nodes)[0, :, :, 0] @ corners
         size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
-        return np.asarray(np.linalg.norm(off, axis=2).max(axis=1) <= STRAIGHTNESS * size)
+        return np.asarray(self.bulge <= STRAIGHTNESS * size)
 
     @cached_property
     def affine(self) -> BoolArray:

@@ -26,6 +26,9 @@ FOOT_STEPS = 12
 FOOT_SETTLED = 1e-8
 #: The iteration ends for a foot that leaves its cell by more than this (reference lengths).
 FOOT_BEYOND = 1.0
+#: Points of a cell bulge by less than this factor more than its nodes: Σ|N| over the nodes between
+#: corners, whose largest is 1.93, in a prism.
+BULGE_FACTOR = 2.0
 #: Degree of the quadrature on groups: exact for products of two cubics on straight cells.
 GROUP_DEGREE = 6
 
@@ -66,8 +69,11 @@ def projected(
         xi[moving] = np.where(closer, trial, xi[moving])
         step[moving] = np.where(closer, _gauss_newton(J, gap), step[moving] / 2)
         ahead = xi[moving] + step[moving]
-        far = (ahead.min(axis=1) < -FOOT_BEYOND) | (ahead.max(axis=1) > 1 + FOOT_BEYOND)
-        unsettled = np.abs(step[moving]).max(axis=1) > FOOT_SETTLED
+        length = np.abs(step[moving]).max(axis=1)
+        # along a line the steps fall as their squares: all further ones together are shorter
+        beyond = FOOT_BEYOND if along is None else np.minimum(length, FOOT_BEYOND)
+        far = np.maximum(-ahead.min(axis=1), ahead.max(axis=1) - 1) > beyond
+        unsettled = length > FOOT_SETTLED
         moving = moving[unsettled & ~far & ~affine[moving]]
         if not len(moving):
             break
@@ -348,8 +354,8 @@ class Entities(CellEntities):
     @cached_property
     def radii(self) -> Array:
         """Radius (F,) [m] of a ball around the middle that contains the entity."""
-        gap = np.linalg.norm(self.corners - self.centres[:, None], axis=2)
-        return np.asarray(gap.max(axis=1, initial=0.0) * np.where(self.affine, 1.0, 1.3))
+        gap = np.linalg.norm(self.corners - self.centres[:, None], axis=2).max(axis=1, initial=0.0)
+        return np.asarray(gap + BULGE_FACTOR * self.geometry.bulge[self.cells])
 
 
 def entity_shape(mesh: Mesh, dim: int) -> str:

@@ -47,7 +47,7 @@ from antiosc.reduce.extraction import SiteShapes
 if TYPE_CHECKING:
     from petsc4py import PETSc
 
-#: r -> A⁻¹r of vectors (rows,)
+#: r -> A⁻¹r of vectors (rows,) or blocks (rows, k)
 Inverse: TypeAlias = Callable[[Array], Array]
 
 #: Tolerance on the eigenvalues 1/(ω² + s); the residuals are measured again afterwards.
@@ -113,6 +113,7 @@ def _by_slepc(
     eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
     eps.setTarget(-structure.shift)
     eps.setTolerances(EIGENVALUE_TOLERANCE, MOST_RESTARTS)
+    eps.setPurify(False)  # below, of all shapes in one block
     st = eps.getST()
     st.setType(SLEPc.ST.Type.SINVERT)
     st.setMatMode(SLEPc.ST.MatMode.SHELL)  # the factor is ours: SLEPc needs no K + sM
@@ -145,7 +146,9 @@ def _by_slepc(
         values[k] = eps.getEigenpair(k, x).real
         shapes[:, k] = x.array_r
     eps.destroy()
-    return values, shapes
+
+    # a step of the operator removes what has no mass, which the search cannot see
+    return values, inverse(multiply(structure.M, shapes))
 
 
 def _petsc_vector(K: PETSc.Mat, values: Array) -> PETSc.Vec:
@@ -280,8 +283,8 @@ class ModeSolver:
         return self._by_krylov(count)
 
     def _inverse(self, r: Array) -> Array:
-        """A⁻¹r for a load r (rows,), with the sites at rest if they are constrained."""
-        x = self._structure.factorize().solve(r)
+        """A⁻¹r for loads r (rows,) or (rows, k), with the sites at rest if they are constrained."""
+        x = self._structure.factorize().solve_block(r.reshape(len(r), -1)).reshape(r.shape)
         return x if self._held is None else self._held.constrained(self._structure.comm, x)
 
     def _by_lapack(self) -> Modes:
