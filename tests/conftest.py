@@ -44,8 +44,8 @@ def pytest_report_header() -> str:
         return "OpenBLAS: threadpoolctl, which would tell its core type, is not installed"
     cores = {one["architecture"] for one in threadpool_info() if one["internal_api"] == "openblas"}
     wanted = os.environ.get("OPENBLAS_CORETYPE")
-    if wanted and {core.lower() for core in cores} != {wanted.lower()}:
-        raise pytest.UsageError(f"OPENBLAS_CORETYPE={wanted} did not take effect: {cores or None}")
+    if wanted and cores and {core.lower() for core in cores} != {wanted.lower()}:
+        raise pytest.UsageError(f"OPENBLAS_CORETYPE={wanted} did not take effect: {cores}")
     return f"OpenBLAS: core type {', '.join(sorted(cores)) or 'none'}"
 
 

@@ -202,10 +202,13 @@ def _cholmod_text() -> str:
 
 
 def blas_text() -> str:
-    """Kind and path of NumPy's BLAS; "unknown" if threadpoolctl does not find it."""
+    """Kind, processor and path of NumPy's BLAS; "unknown" if threadpoolctl does not find it."""
     importlib.import_module("numpy.linalg")
-    pools = process.blas_pools() or ()
-    return next((f"{pool['internal_api']}  {pool['filepath']}" for pool in pools), "unknown")
+
+    for pool in process.blas_pools() or ():
+        kernels = pool.get("architecture", "")
+        return f"{pool['internal_api']} {kernels}".rstrip() + f"  {pool['filepath']}"
+    return "unknown"
 
 
 def _loaded_version(module: str) -> str:

@@ -284,7 +284,8 @@ class ModeSolver:
 
     def _inverse(self, r: Array) -> Array:
         """A⁻¹r for loads r (rows,) or (rows, k), with the sites at rest if they are constrained."""
-        x = self._structure.factorize().solve_block(r.reshape(len(r), -1)).reshape(r.shape)
+        block = r[:, None] if r.ndim == 1 else r
+        x = self._structure.factorize().solve_block(block).reshape(r.shape)
         return x if self._held is None else self._held.constrained(self._structure.comm, x)
 
     def _by_lapack(self) -> Modes:
