@@ -211,8 +211,10 @@ class Solver(ABC):
         self.A = A
         self.comm = algebra.communicator(A)
         algebra.declare_definite(A)
+        process.return_free_memory()
         with one_thread():  # but for factors that are worth more
             self._set_up()
+        process.return_free_memory()
 
         #: what the set-up took
         self.seconds = time.perf_counter() - start_time
