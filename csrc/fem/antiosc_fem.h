@@ -51,8 +51,22 @@ typedef struct afe_curved {
 AFE_API void afe_tetra_product_double(const afe_tetra *of, double k, double m, const double *u,
                                       double *out);
 AFE_API void afe_tetra_product_float(const afe_tetra *of, float k, float m, const float *u, float *out);
+AFE_API void afe_linear_product_double(const afe_tetra *of, double k, double m, const double *u,
+                                       double *out); /* nodes: the first four, [groups][4][AFE_LANES] */
+AFE_API void afe_linear_product_float(const afe_tetra *of, float k, float m, const float *u, float *out);
 AFE_API void afe_curved_product_double(const afe_curved *of, double k, double m, const double *u,
                                        double *out);
 AFE_API void afe_curved_product_float(const afe_curved *of, float k, float m, const float *u, float *out);
+
+/* ---- Smoothing ----------------------------------------------------------------------------------- */
+
+#define AFE_MOST_BLOCK 6
+
+/* A step of Chebyshev's iteration with the inverse D^-1 [n][b][b] of the diagonal blocks:
+ * step = keep step + gain D^-1 residual, sum += step. With keep = 0 it is the first: sum = step. */
+AFE_API void afe_smooth_double(int64_t n, int64_t b, const double *inverse, const double *residual, double keep,
+                               double gain, double *step, double *sum);
+AFE_API void afe_smooth_float(int64_t n, int64_t b, const float *inverse, const float *residual, float keep,
+                              float gain, float *step, float *sum);
 
 #endif

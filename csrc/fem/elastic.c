@@ -40,15 +40,18 @@ static const int PLACE[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
 #define inertia NAMED(inertia, REAL)
 #define stiffness_at NAMED(stiffness_at, REAL)
 #define inertia_at NAMED(inertia_at, REAL)
+#define smooth_blocks NAMED(smooth_blocks, REAL)
 
 #define REAL double
 #define INTEGER int64_t
 #include "elastic_cells.h"
+#include "smoothing.h"
 #undef REAL
 #undef INTEGER
 #define REAL float
 #define INTEGER int32_t
 #include "elastic_cells.h"
+#include "smoothing.h"
 #undef REAL
 #undef INTEGER
 
@@ -63,3 +66,4 @@ static const int PLACE[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
 #undef inertia
 #undef stiffness_at
 #undef inertia_at
+#undef smooth_blocks

@@ -198,3 +198,44 @@ void NAMED(afe_curved_product, REAL)(const afe_curved *of, REAL k, REAL m, const
             scatter_node(f[n], nodes + n * AFE_LANES, out);
     }
 }
+
+/* Linear elements on straight cells: their gradients, strains and stresses are constant. */
+FOR_PROCESSORS
+void NAMED(afe_linear_product, REAL)(const afe_tetra *of, REAL k, REAL m, const REAL *u, REAL *out) {
+    for (int64_t g = 0; g < of->n_groups; g++) {
+        const int32_t *nodes = of->nodes + g * CORNERS * AFE_LANES;
+        const wide *data = (const wide *)((const REAL *)of->data + g * AFE_TETRA_DATA * AFE_LANES);
+        wide own[CORNERS][3], f[CORNERS][3], H[3][3];
+        for (int v = 0; v < CORNERS; v++)
+            gather_node(u, nodes + v * AFE_LANES, own[v]);
+
+        for (int a = 0; a < 3; a++) {
+            wide c[CORNERS];
+            for (int v = 1; v < CORNERS; v++)
+                c[v] = own[v][a] - own[0][a];
+            for (int b = 0; b < 3; b++)
+                H[a][b] = c[1] * data[b] + c[2] * data[3 + b] + c[3] * data[6 + b];
+        }
+        wide shear = 20 * k * data[10], mean = 20 * k * data[9] * (H[0][0] + H[1][1] + H[2][2]);
+        for (int a = 0; a < 3; a++) {
+            wide T[3];
+            for (int b = 0; b < 3; b++)
+                T[b] = shear * (H[a][b] + H[b][a]);
+            T[a] += mean;
+            for (int v = 1; v < CORNERS; v++) {
+                const wide *grad = data + 3 * v - 3;
+                f[v][a] = T[0] * grad[0] + T[1] * grad[1] + T[2] * grad[2];
+            }
+            f[0][a] = -(f[1][a] + f[2][a] + f[3][a]);
+        }
+
+        wide share = 21 * m * data[11]; /* of 1/20 of the mass */
+        for (int a = 0; a < 3; a++) {
+            wide sum = own[0][a] + own[1][a] + own[2][a] + own[3][a];
+            for (int v = 0; v < CORNERS; v++)
+                f[v][a] += share * (sum + own[v][a]);
+        }
+        for (int v = 0; v < CORNERS; v++)
+            scatter_node(f[v], nodes + v * AFE_LANES, out);
+    }
+}

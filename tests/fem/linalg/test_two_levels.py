@@ -221,12 +221,12 @@ OVER_RANKS = """
 from antiosc.fem.elements import tetrahedra
 from antiosc.fem.linalg import iterative
 
-kept = tetrahedra.LEAST_CELLWISE_DOFS, iterative.MOST_FACTORED_ROWS, iterative.MOST_ROWS_OVER_RANKS
+kept = tetrahedra.LEAST_CELLWISE_DOFS, iterative.MOST_FACTORED_ROWS
 tetrahedra.LEAST_CELLWISE_DOFS = 0
 site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.032)
 found = []
 for most, held in ((150_000, []), (0, [ao.Support("left")])):
-    iterative.MOST_FACTORED_ROWS = iterative.MOST_ROWS_OVER_RANKS = most
+    iterative.MOST_FACTORED_ROWS = most
     mesh = parts.box((6, 3, 2), cell="tetrahedron")
     part = ao.Structure(mesh, ao.Solid(**parts.STEEL), held, solver="iterative")
     model = ao.extract(part, site, n=8)
@@ -234,7 +234,7 @@ for most, held in ((150_000, []), (0, [ao.Support("left")])):
     steps = part.factorize()._ksp.getIterationNumber() if most else 0
     found.append(["two levels" in model.info["solver"], steps, *np.real(Z)])
 print(json.dumps(found))
-tetrahedra.LEAST_CELLWISE_DOFS, iterative.MOST_FACTORED_ROWS, iterative.MOST_ROWS_OVER_RANKS = kept
+tetrahedra.LEAST_CELLWISE_DOFS, iterative.MOST_FACTORED_ROWS = kept
 """
 
 

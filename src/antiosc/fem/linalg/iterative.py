@@ -7,10 +7,10 @@ many entries.
 Quadratic solids have two levels instead, the coarse one of linear elements on the same mesh. With P
 the interpolation from them, its matrix is PᵀAP: springs, masses, supports and any material are in
 it. On the fine level Chebyshev's iteration acts, with the diagonal blocks of the nodes. The coarse
-level is factored, or, where it is large, one cycle of smoothed aggregation takes its place. Linear
-elements lock where a part is one element thick or nearly incompressible: a factor is better there.
-Where products are computed from the cells the fine level is in single precision, but for the
-residual after the coarse correction, which is far smaller than its terms.
+level is factored. Where it is large, a third level of its smoothed aggregates is factored instead,
+and visited twice. Linear elements lock where a part is one element thick or nearly incompressible:
+a factor is better there. Where products are computed from the cells, smoothing is in single
+precision, but not the residual after a coarse correction, which is far smaller than its terms.
 
 A solve ends where the energy norm of its error is `ITERATION_RESIDUAL` of that of the solution, as
 the preconditioner B measures it; the largest and least eigenvalues of BA, which conjugate gradients
@@ -27,25 +27,26 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import scipy.sparse
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from antiosc.base._types import Array, BoolArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import NotConvergedError
 from antiosc.base.process import allocation_failed
 from antiosc.fem.linalg.algebra import diagonal
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS_KEY,
+    cell_matrix,
     multiply,
     register_for_release,
     release_dropped,
     set_type_at_exit,
     uses_cells,
+    with_entries,
 )
+from antiosc.fem.linalg.smoothing import Smoother
 from antiosc.fem.linalg.solver import SINGULAR_MESSAGE, Solver
 
 #: PETSC_ERR_MEM
@@ -211,22 +212,15 @@ def set_near_null_space(A: PETSc.Mat, motions: Array) -> None:
         A.setNearNullSpace(PETSc.NullSpace().create(vectors=basis, comm=A.getComm()))
 
 
-#: Rows of the coarse level up to which it is factored, on one rank and on several, where a solve by
-#: the factor takes longer: of 340 000 dofs, with 45 000 coarse ones, 0.84 s on two ranks, with
-#: aggregation 0.33 s.
-MOST_FACTORED_ROWS, MOST_ROWS_OVER_RANKS = 150_000, 20_000
-#: Steps of Chebyshev's iteration before the coarse level and after it, where that is factored, and
-#: where its cycle leaves most of the error (2.25 million dofs: 4.7 s a solve in place of 6.0); the
-#: share of the largest eigenvalue down to which it acts.
-CHEBYSHEV_STEPS, AGGREGATED_STEPS, LOWEST_SMOOTHED = 2, 1, 0.1
-#: Steps of the power method for that eigenvalue, and the factor on what they give.
-POWER_STEPS, EIGENVALUE_MARGIN = 15, 1.1
+#: Rows of the coarse level up to which it is factored. The bracket takes as long with 16 000 rows
+#: factored or aggregated; with 41 000 rows a solve of the level takes 28 ms by the factor, 14 ms by
+#: two visits of the aggregates. They take 14 iterations in place of 12, one visit 18.
+MOST_FACTORED_ROWS, AGGREGATED_CYCLES = 20_000, 2
 
 
 def factors_coarse_level(P: PETSc.Mat) -> bool:
     """Whether the coarse level of an interpolation P is small enough to be factored."""
-    most = MOST_FACTORED_ROWS if P.getComm().getSize() == 1 else MOST_ROWS_OVER_RANKS
-    return bool(P.getSize()[1] <= most)
+    return bool(P.getSize()[1] <= MOST_FACTORED_ROWS)
 
 
 class TwoLevels(Multigrid):
@@ -259,121 +253,95 @@ class TwoLevels(Multigrid):
         self._known = None
 
         if factors_coarse_level(self._P):
-            solve, steps = self._inverse(coarse), CHEBYSHEV_STEPS
+            solve = self._inverse(coarse)
         else:
             set_near_null_space(coarse, at_vertices(self._P, self._motions()))
-            solve, steps = Aggregation(coarse), AGGREGATED_STEPS
+            T = aggregation(coarse)
+            inverse = self._inverse(coarse_matrix(coarse, T))
+            level = linear_cells(self.A, self._P) if uses_cells(self.A) else coarse
+            solve = Cycle(level, T, inverse, AGGREGATED_CYCLES)
+            del T, inverse, level
 
         del coarse, self._inverse  # an analysis in it became the factor in double precision
         release_dropped(self.A.getComm().tompi4py())
         self._cycle = pc  # what becomes another type stays as long as the solver
         self._cycle.setType(PETSc.PC.Type.PYTHON)
-        self._cycle.setPythonContext(Cycle(self.A, self._P, solve, steps))
+        self._cycle.setPythonContext(Cycle(smoothing_matrix(self.A), self._P, solve))
         set_type_at_exit(self._cycle, PETSc.PC.Type.NONE)
 
 
 class Cycle:
-    """One cycle of two levels as a preconditioner of PETSc's.
+    """A cycle of a level and those below it, approximate inverse of the matrix A of the level.
 
     Parameters
     ----------
     P : interpolation from the coarse dofs to the fine ones
     coarse : exact or approximate inverse of the coarse matrix
-    steps : number of steps of Chebyshev's iteration before and after it
+    corrections : number of visits of the coarse level; A is smoothed before, between and after
     """
 
     def __init__(
-        self, A: PETSc.Mat, P: PETSc.Mat, coarse: Callable[[Array], Array], steps: int
+        self, A: PETSc.Mat, P: PETSc.Mat, coarse: Callable[[Array], Array], corrections: int = 1
     ) -> None:
-        self._A, self._P, self._coarse, self._steps = A, P, coarse, steps
+        self._A, self._P, self._coarse, self._corrections = A, P, coarse, corrections
         self._comm = A.getComm().tompi4py()
         self._load, self._fine = P.createVecs()
-        self._real: Any = np.float32 if uses_cells(A) else np.float64
-        self._inverse = inverse_blocks(A).astype(self._real)
-        largest = EIGENVALUE_MARGIN * self._largest()
-        self._middle = (1 + LOWEST_SMOOTHED) / 2 * largest
-        self._half = (1 - LOWEST_SMOOTHED) / 2 * largest
-
-    def _largest(self) -> float:
-        """Estimate of the largest eigenvalue of D⁻¹A, D the diagonal blocks."""
-        x = np.random.default_rng(0).standard_normal(self._inverse.shape[0])
-        size = 1.0
-        x = x.astype(self._real)
-        for _ in range(POWER_STEPS):
-            x = self._inverse @ multiply(self._A, x / self._real(size))
-            size = float(np.sqrt(self._comm.allreduce(float(x @ x))))
-
-        return size
+        self._smooth = Smoother(A)
 
     def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set y to one cycle's approximation of A⁻¹x."""
-        load = np.array(x.array_r)
-        smoothed, residual = self._smoothed(load)
-        self._fine.setArray(residual)
-        self._P.multTranspose(self._fine, self._load)
-        self._load.setArray(self._coarse(self._load.array_r))
-        self._P.mult(self._load, self._fine)
-        corrected = smoothed + self._fine.array_r
-        final, _ = self._smoothed(load - multiply(self._A, corrected), last=True)
-        y.setArray(corrected + final)
-
-    def _smoothed(self, load: Array, last: bool = False) -> tuple[Array, Array]:
-        """(A⁻¹ load by Chebyshev's iteration, its residual: not up to date if `last`).
+        """Set y to the approximation of A⁻¹x (PETSc's interface of python preconditioners).
 
         The load is scaled: numbers of single precision below 1e-38 take a hundred times as long.
         """
+        load = x.array_r
         size = self._comm.allreduce(float(np.abs(load).max(initial=0.0)), MPI.MAX) or 1.0
-        residual: Array = (load / size).astype(self._real)
-        sigma = self._middle / self._half
-        rho = 1 / sigma
-        step = self._inverse @ residual / self._middle
+        y.setArray(size * self(load / size))
 
-        total = step.copy()
-        for _ in range(self._steps - 1):
-            residual -= multiply(self._A, step)
-            next_rho = 1 / (2 * sigma - rho)
-            step = next_rho * rho * step + 2 * next_rho / self._half * (self._inverse @ residual)
-            total += step
-            rho = next_rho
+    def __call__(self, load: Array) -> Array:
+        """Approximate A⁻¹ load."""
+        result, residual = self._smooth(load)
 
-        if not last:
-            residual -= multiply(self._A, step)
+        for left in reversed(range(self._corrections)):
+            self._fine.setArray(residual)
+            self._P.multTranspose(self._fine, self._load)
+            self._load.setArray(self._coarse(self._load.array_r))
+            self._P.mult(self._load, self._fine)
+            result = result + self._fine.array_r
+            smoothed, residual = self._smooth(load - multiply(self._A, result), last=left == 0)
+            result += smoothed
 
-        return size * total.astype(float), size * residual.astype(float)
-
-
-class Aggregation:
-    """Approximate A⁻¹: one cycle of smoothed aggregation."""
-
-    def __init__(self, A: PETSc.Mat) -> None:
-        self._pc = PETSc.PC().create(A.getComm())
-        register_for_release(self._pc)
-        self._pc.setOptionsPrefix(f"antiosc_{id(self)}_")
-        self._pc.setOperators(A)
-        set_aggregation(self._pc)
-        self._pc.setUp()
-        self._b, self._x = A.createVecs()
-
-    def __call__(self, b: Array) -> Array:
-        """Apply the cycle to a load."""
-        self._b.setArray(b)
-        self._pc.apply(self._b, self._x)
-        return np.array(self._x.array_r)
+        return result
 
 
-def inverse_blocks(A: PETSc.Mat) -> scipy.sparse.bsr_matrix:
-    """D⁻¹ on the rows of this rank, D the diagonal blocks of the nodes of A."""
-    size = A.getBlockSize()
+#: What GAMG does not make: solvers of its levels.
+ONLY_AGGREGATES = {
+    "pc_mg_levels": 2,
+    "mg_coarse_pc_type": "none",
+    "mg_levels_ksp_type": "richardson",
+    "mg_levels_pc_type": "none",
+}
 
-    if uses_cells(A):
-        product = A.getAttr(CELLS_KEY)
-        blocks = product.cells.blocks(product.k, product.m).reshape(-1, size, size)
-        blocks = np.linalg.inv(blocks)
-    else:
-        blocks = np.ascontiguousarray(A.invertBlockDiagonal()).reshape(-1, size, size)
 
-    pointers = np.arange(len(blocks) + 1)
-    return scipy.sparse.bsr_matrix((blocks, pointers[:-1], pointers))
+def aggregation(A: PETSc.Mat) -> PETSc.Mat:
+    """The interpolation of smoothed aggregation to a matrix with a near null space."""
+    pc = PETSc.PC().create(A.getComm())
+    register_for_release(pc)
+    pc.setOptionsPrefix(f"antiosc_{id(pc)}_")
+    pc.setOperators(A)
+    options = PETSc.Options(pc.getOptionsPrefix())
+    for name, value in ONLY_AGGREGATES.items():
+        options[name] = value
+    set_aggregation(pc)
+    pc.setUp()
+    for name in ONLY_AGGREGATES:
+        del options[name]
+
+    result = pc.getMGInterpolation(1)
+    register_for_release(result)
+    # products by groups of equal rows take 1.8 times as long (PETSc 3.18)
+    result.setOption(PETSc.Mat.Option.USE_INODES, False)
+    result.assemble()
+    return result
 
 
 #: Entry of a row of P from which on its node is one of the coarse nodes.
@@ -415,14 +383,36 @@ def without_fixed(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
 
 def coarse_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
     """The coarse matrix PᵀAP, with 1 on the diagonal where a column of P is empty."""
-    product = A.getAttr(CELLS_KEY)
-    coarse = product.cells.coarse(product.k, product.m, P) if uses_cells(A) else A.ptap(P)
+    if uses_cells(A):
+        coarse = with_entries(linear_cells(A, P))
+    else:
+        product = A.ptap(P)
+        register_for_release(product)
+        coarse = product.copy()  # which does not hold A, P and the work of the product
     register_for_release(coarse)
     coarse.setBlockSize(P.getBlockSizes()[1])
-    sums, ones = P.createVecs()
-    ones.set(1.0)
-    P.multTranspose(ones, sums)
     first, _ = coarse.getOwnershipRange()
-    empty_columns = first + np.flatnonzero(sums.array_r == 0.0)
-    coarse.zeroRowsColumns(empty_columns.astype(PETSc.IntType), diag=1.0)
+    coarse.zeroRowsColumns((first + empty_columns(P)).astype(PETSc.IntType), diag=1.0)
     return coarse
+
+
+def smoothing_matrix(A: PETSc.Mat) -> PETSc.Mat:
+    """A, with fewer points of quadrature where it is computed from the cells."""
+    if not uses_cells(A):
+        return A
+    product = A.getAttr(CELLS_KEY)
+    return cell_matrix(product.cells.simplified(), product.k, product.m)
+
+
+def linear_cells(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
+    """The coarse matrix of a matrix by cells, by linear elements on its cells."""
+    product = A.getAttr(CELLS_KEY)
+    return cell_matrix(product.cells.coarse(P, empty_columns(P)), product.k, product.m)
+
+
+def empty_columns(P: PETSc.Mat) -> IntArray:
+    """The columns of P of this rank without entries."""
+    sums, weights = P.createVecs()
+    weights.setArray(np.random.default_rng(0).random(weights.getLocalSize()))
+    P.multTranspose(weights, sums)
+    return np.flatnonzero(sums.array_r == 0.0)
