@@ -256,11 +256,10 @@ class TwoLevels(Multigrid):
             solve = self._inverse(coarse)
         else:
             set_near_null_space(coarse, at_vertices(self._P, self._motions()))
-            T = aggregation(coarse)
-            inverse = self._inverse(coarse_matrix(coarse, T))
+            T, aggregates = aggregation(coarse)
             level = linear_cells(self.A, self._P) if uses_cells(self.A) else coarse
-            solve = Cycle(level, T, inverse, AGGREGATED_CYCLES)
-            del T, inverse, level
+            solve = Cycle(level, T, self._inverse(aggregates), AGGREGATED_CYCLES)
+            del T, aggregates, level
 
         del coarse, self._inverse  # an analysis in it became the factor in double precision
         release_dropped(self.A.getComm().tompi4py())
@@ -322,8 +321,8 @@ ONLY_AGGREGATES = {
 }
 
 
-def aggregation(A: PETSc.Mat) -> PETSc.Mat:
-    """The interpolation of smoothed aggregation to a matrix with a near null space."""
+def aggregation(A: PETSc.Mat) -> tuple[PETSc.Mat, PETSc.Mat]:
+    """(P, PᵀAP) of smoothed aggregation, for a matrix A with a near null space."""
     pc = PETSc.PC().create(A.getComm())
     register_for_release(pc)
     pc.setOptionsPrefix(f"antiosc_{id(pc)}_")
@@ -336,12 +335,15 @@ def aggregation(A: PETSc.Mat) -> PETSc.Mat:
     for name in ONLY_AGGREGATES:
         del options[name]
 
-    result = pc.getMGInterpolation(1)
-    register_for_release(result)
+    P = pc.getMGInterpolation(1)
+    register_for_release(P)
     # products by groups of equal rows take 1.8 times as long (PETSc 3.18)
-    result.setOption(PETSc.Mat.Option.USE_INODES, False)
-    result.assemble()
-    return result
+    P.setOption(PETSc.Mat.Option.USE_INODES, False)
+    P.assemble()
+    # a copy does not hold A, P and the work of their product
+    product = pc.getMGCoarseSolve().getOperators()[0]
+    register_for_release(product)
+    return P, _with_ones(product.copy(), P)
 
 
 #: Entry of a row of P from which on its node is one of the coarse nodes.
@@ -384,11 +386,14 @@ def without_fixed(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
 def coarse_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
     """The coarse matrix PᵀAP, with 1 on the diagonal where a column of P is empty."""
     if uses_cells(A):
-        coarse = with_entries(linear_cells(A, P))
-    else:
-        product = A.ptap(P)
-        register_for_release(product)
-        coarse = product.copy()  # which does not hold A, P and the work of the product
+        return _with_ones(with_entries(linear_cells(A, P)), P)
+    product = A.ptap(P)
+    register_for_release(product)
+    return _with_ones(product.copy(), P)  # which does not hold A and P
+
+
+def _with_ones(coarse: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
+    """`coarse`, changed in place to 1 on the diagonal where a column of P is empty."""
     register_for_release(coarse)
     coarse.setBlockSize(P.getBlockSizes()[1])
     first, _ = coarse.getOwnershipRange()
