@@ -55,9 +55,9 @@ PETSC_NO_MEMORY = 55
 #: bracket with 1.65 million dofs a solve takes 14 iterations in place of 49; 0.005 and 0.05 do as
 #: well.
 WEAK_COUPLING = 0.02
-#: Relative error of an iterative solve, and the most iterations for it. With 3e-8 the frequencies of
-#: 20 Krylov anti-oscillators of the bracket with 108 000 dofs, those that have not converged too,
-#: miss 9e-8 after 7.7 s, with 1e-7 1.3e-7 after 7.0 s.
+#: Relative error of an iterative solve, and the most iterations for it. With 3e-8 the frequencies
+#: of 20 Krylov anti-oscillators of the bracket with 108 000 dofs, those that have not converged
+#: too, miss 9e-8 after 7.7 s, with 1e-7 1.3e-7 after 7.0 s.
 ITERATION_RESIDUAL, MOST_ITERATIONS = 3e-8, 2000
 #: The same for the solves of an eigenproblem, whose shapes have an error of the size of theirs.
 MODE_RESIDUAL = 1e-11
