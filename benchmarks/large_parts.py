@@ -77,7 +77,10 @@ BRACKETS = {
 #: Size of the cells of the bracket that compiles the forms and loads the modules [m].
 COARSE = 1e-2
 #: What the table says of the machine of its figures.
-NOTE = "The machine had other work: ratios tell more than seconds."
+NOTE = (
+    "Lines of a case were measured one after another; between cases the speed of the machine "
+    "changes: ratios tell more than seconds. OpenBLAS took Haswell's kernels."
+)
 PEER = "dolfinx + MUMPS"
 #: cases on one rank, and after it on two: the same part, or one with as many dofs on each
 RANKS = ("bracket 281 k", 1), ("bracket 281 k", 2), ("340 k", 1), ("340 k", 2), ("680 k", 2)
