@@ -418,7 +418,7 @@ def linear_cells(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
 
 def empty_columns(P: PETSc.Mat) -> IntArray:
     """The columns of P of this rank without entries."""
-    sums, weights = P.createVecs()
+    sums, weights = P.createVecs()  # random ones: entries of a column can cancel
     weights.setArray(np.random.default_rng(0).random(weights.getLocalSize()))
     P.multTranspose(weights, sums)
     return np.flatnonzero(sums.array_r == 0.0)

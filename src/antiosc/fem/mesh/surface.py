@@ -70,8 +70,9 @@ def projected(
         step[moving] = np.where(closer, _gauss_newton(J, gap), step[moving] / 2)
         ahead = xi[moving] + step[moving]
         length = np.abs(step[moving]).max(axis=1)
-        # along a line the steps fall as their squares: all further ones together are shorter
-        beyond = FOOT_BEYOND if along is None else np.minimum(length, FOOT_BEYOND)
+        # along a line whole steps fall as their squares: all further ones together are shorter
+        settling = closer[:, 0] & (along is not None)
+        beyond = np.where(settling, np.minimum(length, FOOT_BEYOND), FOOT_BEYOND)
         far = np.maximum(-ahead.min(axis=1), ahead.max(axis=1) - 1) > beyond
         unsettled = length > FOOT_SETTLED
         moving = moving[unsettled & ~far & ~affine[moving]]
