@@ -14,5 +14,5 @@ render = charts.render
 
 def rough(figure: Figure, target: object, **_: object) -> None:
     """`render` without layout and options, which tests/charts and tests of commands have."""
-    figure.set_layout_engine("none")
+    figure.set_layout_engine()  # none; "none" leaves one, for which a figure is drawn twice
     render(figure, target, dpi=50)
