@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from math import factorial, prod, sqrt
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
@@ -283,6 +283,7 @@ def dropped_shear(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Ex
     return ufl.dot(ufl.dot(along, ufl.transpose(inverse)), ufl.as_vector(covariant))
 
 
+@cache
 def _cubic_remainders() -> Array:
     """Coefficients (cubic, direction, component, 7) of (1 − R)ξᵖηᑫ in QUADRATIC and the cubic."""
     lattice = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
