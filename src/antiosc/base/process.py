@@ -1,10 +1,11 @@
 """The process: its BLAS threads, and the free memory of its machine.
 
 **Threads.** One BLAS thread, and for large factorizations one fewer than there are cores, whatever
-else the machine does, so that a run gives the same digits again. OpenBLAS threads synchronise in
-busy loops, thousands of times in one sparse factorization: if another program has one of their
-cores, two threads take up to nine times as long as one. A number of threads that the user has set
-in the environment is respected; other libraries are not changed.
+else the machine does, so that a run gives the same digits again. The cores share work whose pieces
+need one thread each. OpenBLAS threads synchronise in busy loops, thousands of times in one sparse
+factorization: if another program has one of their cores, two threads take up to nine times as long
+as one. A number of threads that the user has set in the environment is respected; other libraries
+are not changed.
 
 **Memory.** The free memory, the share of it that a run may use, and the message if it is too small.
 """
@@ -62,6 +63,11 @@ def core_count() -> int:
     if len(quota) == 2 and quota[0].isdigit():
         allowed = min(allowed, max(1, int(quota[0]) // int(quota[1])))
     return allowed
+
+
+def free_threads() -> int:
+    """Number of threads for work that shares nothing: the cores; one where BLAS has its own."""
+    return 1 if user_threads() or _blas() is None else core_count()
 
 
 def useful_threads(front_operations: Array, most_threads: int) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.checks import whole
 from antiosc.base.progress import doing
-from antiosc.fem.linalg.solver_choice import deflections
+from antiosc.fem.linalg.deflections import deflections
 from antiosc.fem.structure.meshed import PartsMatrices
 from antiosc.fem.structure.structure import Structure
 from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver

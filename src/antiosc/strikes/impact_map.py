@@ -2,7 +2,7 @@
 
 One eigenproblem serves all sites (`antiosc.models.free_modes`). Each site needs the values of the
 free modes at the site and two numbers of its static deflection y: the compliance b'y and the
-inertia y'My (`antiosc.fem.linalg.solver_choice`). The error of Z is bounded at each site.
+inertia y'My (`antiosc.fem.linalg.deflections`). The error of Z is bounded at each site.
 
 The largest stress anywhere in a part is computed for the impact at each site of a map. Under the
 force F(t) at site i, the part moves in the free modes of the map, and quasi-statically in all

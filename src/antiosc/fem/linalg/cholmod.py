@@ -2,7 +2,7 @@
 that of the wheel sparsax beside a PETSc without it.
 
 PETSc links CHOLMOD but does not give access to the factor. With direct access, the cost of a sparse
-load is that of its own branch of the elimination tree (`antiosc.fem.linalg.solver_choice`), and the
+load is that of its own branch of the elimination tree (`antiosc.fem.linalg.deflections`), and the
 ordering is computed on the graph of the nodes. If the library cannot be called directly
 (`refusal`), MUMPS factors (`antiosc.fem.linalg.solver_choice.MumpsFactor`).
 

@@ -213,15 +213,9 @@ def set_near_null_space(A: PETSc.Mat, motions: Array) -> None:
         A.setNearNullSpace(PETSc.NullSpace().create(vectors=basis, comm=A.getComm()))
 
 
-#: Rows of the coarse level up to which it is factored. The bracket takes as long with 16 000 rows
-#: factored or aggregated; with 41 000 rows a solve of the level takes 28 ms by the factor, 14 ms by
-#: two visits of the aggregates. They take 14 iterations in place of 12, one visit 18.
-MOST_FACTORED_ROWS, AGGREGATED_CYCLES = 20_000, 2
-
-
-def factors_coarse_level(P: PETSc.Mat) -> bool:
-    """Whether the coarse level of an interpolation P is small enough to be factored."""
-    return bool(P.getSize()[1] <= MOST_FACTORED_ROWS)
+#: Times that the aggregates of a coarse level are visited in place of its factor: two take 14
+#: iterations in place of 12 of the bracket, one takes 18.
+AGGREGATED_CYCLES = 2
 
 
 class TwoLevels(Multigrid):
@@ -232,7 +226,8 @@ class TwoLevels(Multigrid):
     motions : gives the rigid-body motions (rows of this rank, r)
     prolongation : P of `Levels`
     inverse : gives A⁻¹ of a matrix as a function of vectors
-    coarse : PᵀAP, if it is known
+    coarse : PᵀAP
+    factored : whether its factor is used, or that of its aggregates
     """
 
     method = "conjugate gradients with two levels"
@@ -244,16 +239,16 @@ class TwoLevels(Multigrid):
         motions: Callable[[], Array],
         prolongation: PETSc.Mat,
         inverse: Callable[[PETSc.Mat], Callable[[Array], Array]],
-        coarse: PETSc.Mat | None = None,
+        coarse: PETSc.Mat,
+        factored: bool,
     ) -> None:
-        self._P, self._motions, self._inverse, self._known = prolongation, motions, inverse, coarse
+        self._P, self._motions, self._inverse = prolongation, motions, inverse
+        self._coarse, self._factored = coarse, factored
         super().__init__(A)
 
     def _precondition(self, pc: PETSc.PC) -> None:
-        coarse = coarse_matrix(self.A, self._P) if self._known is None else self._known
-        self._known = None
-
-        if factors_coarse_level(self._P):
+        coarse = self._coarse
+        if self._factored:
             solve = self._inverse(coarse)
         else:
             set_near_null_space(coarse, at_vertices(self._P, self._motions()))
@@ -262,7 +257,11 @@ class TwoLevels(Multigrid):
             solve = Cycle(level, T, self._inverse(aggregates), AGGREGATED_CYCLES)
             del T, aggregates, level
 
-        del coarse, self._inverse  # an analysis in it became the factor in double precision
+        del (
+            coarse,
+            self._coarse,
+            self._inverse,
+        )  # an analysis in it became the factor in double precision
         release_dropped(self.A.getComm().tompi4py())
         self._cycle = pc  # what becomes another type stays as long as the solver
         self._cycle.setType(PETSc.PC.Type.PYTHON)

@@ -83,6 +83,8 @@ CURVED_PRODUCTS = ProductCost(80.0, 5.5, 5.5, 0.6e-9)
 #: Entries of a factor of quadratic elements over those of linear ones on the same cells: 12 to 19
 #: from plates to compact blocks of tetrahedra, 43 000 to 340 000 dofs; 10 to 13 of hexahedra.
 QUADRATIC_OVER_LINEAR = 15.0
+#: Entries of the factor of the coarse level up to which it is used.
+MOST_COARSE_ENTRIES = 2e7
 #: Seconds of the set-up of two levels for each entry, beside the factor of the coarse level.
 SET_UP_SECONDS = 4e-8
 
@@ -146,8 +148,8 @@ class LevelSizes:
     """Numbers of entries from which the cost of a two-level solver follows.
 
     stored : entries of A; for products by cells those that A would have.
-    factor : entries of the factor of A, from which those of the coarse factor follow; 0: the coarse
-        level is not factored.
+    factor : entries of the factor of A, from which those of the coarse factor follow; 0: there is
+        no coarse level of linear elements.
     """
 
     stored: float
@@ -156,13 +158,14 @@ class LevelSizes:
 
     @property
     def coarse(self) -> float:
-        """Number of entries in the factor of the coarse level."""
-        return self.factor / QUADRATIC_OVER_LINEAR
+        """Number of entries in the factor of the coarse level; 0: only its aggregates have one."""
+        entries = self.factor / QUADRATIC_OVER_LINEAR
+        return entries if entries <= MOST_COARSE_ENTRIES else 0.0
 
     @property
     def bytes(self) -> float:
         """Bytes of the levels and work arrays, without A."""
-        if not self.factor:
+        if not self.coarse:
             return self.products.aggregated * self.stored
         return self.products.bytes * self.stored + COARSE_ENTRY_BYTES * self.coarse
 

@@ -16,45 +16,28 @@ Gauss points times √(stiffness · weight), has the square root of K's conditio
 *Matrix Computations*, §5.3). The factor of the rounded K is the preconditioner of conjugate
 gradients with that product: one or two steps up to L/r = 3e4, ten if rounding has removed the
 bending stiffness from the factor.
-
-Static deflections y = A⁻¹b of many sparse loads b: the compliance bᵀy and the inertia yᵀMy.
-With P A Pᵀ = L Lᵀ, bᵀy is the square of z = L⁻¹Pb, and z is zero outside the branch of the
-elimination tree from the columns of b to the root (Gilbert and Peierls, SIAM J. Sci. Stat. Comput.
-9 (1988) 862). Neighbouring sites share most of that branch and are solved as one block: an eighth
-of the operations of separate solves, on a bracket of 10⁵ dofs. On such a bracket a patch takes
-1.1 ms, MUMPS's solve for sparse right-hand sides 8.5 ms, and the entries of the inverse that MUMPS
-computes 62 ms (measured).
-
-The inertia is minus the derivative of the compliance with respect to the shift s of A = K + sM. The
-contribution of the known modes follows from them; only that of the truncated modes is computed,
-from a second factor, of A + σM. Over ranks every load is solved for.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import Protocol
 
 import numpy as np
-import scipy.linalg.blas
-import scipy.sparse
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from antiosc.base import process
-from antiosc.base._types import Array, IntArray, Matrix, SolverChoice
+from antiosc.base._types import Array, SolverChoice
 from antiosc.base.errors import AccuracyError, NotConvergedError
-from antiosc.base.progress import counting
-from antiosc.fem.linalg import algebra, cholmod
+from antiosc.fem.linalg import cholmod
 from antiosc.fem.linalg.algebra import (
     column_products,
     conjugate_gradients,
     quotient,
-    sum_of,
     uses_strains,
 )
 from antiosc.fem.linalg.cholmod import Cholesky, NotPositiveDefiniteError
@@ -64,7 +47,6 @@ from antiosc.fem.linalg.iterative import (
     PetscSolver,
     TwoLevels,
     coarse_matrix,
-    factors_coarse_level,
 )
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS_KEY,
@@ -100,14 +82,6 @@ STALLED_ERROR, MOST_CG_STEPS = 1e-6, 60
 RIDGE_SHARE = 1e-14
 #: Largest ‖A‖‖x‖/‖Ax‖: products by strains leave a mechanism about 1e-32 of the stiffest motion.
 SOLUTION_GROWTH_BY_STRAINS = 1e24
-#: Loads that go through the tree together.
-LOADS_PER_WALK = 256
-#: Columns of L that are solved for at a time; the triangle of so many is copied.
-PANEL_COLUMNS = 128
-#: Right-hand sides of a block where all is solved for.
-LOADS_PER_SOLVE = 64
-#: σ over the last known ω² + s: the secant is off by about this share, rounding by 1e-12 over it.
-SHIFT_STEP = 1e-3
 
 log = logging.getLogger(__name__)
 
@@ -337,25 +311,29 @@ def _iterative_solver(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = 
     """The iterative solver; OutOfMemoryError before its matrices are made."""
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     prolongation = levels.prolongation()
-    factored = prolongation is not None and factors_coarse_level(prolongation)
-    if forecast is None and factored and uses_cells(A) and A.getComm().getSize() == 1:
-        forecast = forecast_of(A, prolongation)
+    if prolongation is None:
+        sizes = _sizes_of(A, 0.0)
+    else:
+        if forecast is None or forecast.matrix is A:
+            forecast = forecast_of(A, prolongation)
+        sizes = _sizes_of(A, forecast.entries)
 
-    sizes = _sizes_of(A, forecast.entries if forecast and factored else 0.0)
     noun = f"the iterative solver of {A.getSize()[0]} dofs"
     process.require_memory(sizes.bytes, noun, SMALLER_MESH_REMEDY, free)
     solver: Multigrid
 
-    if prolongation is None:
+    if prolongation is None or forecast is None:
         solver = Multigrid(with_entries(A), levels.motions())
     else:
-        coarse = forecast.matrix if forecast and forecast.matrix is not A else None
+        coarse = forecast.matrix
+        taken = forecast.taken
 
         def inverse(matrix: PETSc.Mat) -> Callable[[Array], Array]:
-            factor = factorize(matrix, forecast.taken(matrix) if forecast else None)
+            factor = factorize(matrix, taken(matrix))
             return lambda b: factor.solve_block(b[:, None])[:, 0]
 
-        solver = TwoLevels(A, levels.motions, prolongation, inverse, coarse)
+        factored = sizes.coarse > 0
+        solver = TwoLevels(A, levels.motions, prolongation, inverse, coarse, factored)
 
     solver.cost = Cost(sizes.bytes)
     return solver
@@ -418,161 +396,3 @@ def factorize(A: PETSc.Mat, analysis: Cholesky | None = None) -> Factorization:
 def cholmod_refused(comm: MPI.Comm) -> bool:
     """Whether CHOLMOD cannot be called directly on some rank."""
     return any(comm.allgather(bool(cholmod.refusal())))
-
-
-class FactoredStructure(Protocol):
-    """The attributes of a `Structure` that compliances need."""
-
-    K: Matrix
-    M: Matrix
-
-    @property
-    def comm(self) -> MPI.Comm: ...
-    @property
-    def shift(self) -> float: ...
-    def factorize(self) -> Solver: ...
-
-
-def deflections(
-    structure: FactoredStructure, loads: scipy.sparse.csr_matrix, omega: Array, b: Array
-) -> tuple[Array, Array]:
-    """(bᵀy [m/N], yᵀMy [kg m²/N²]) of y = (K + shift M)⁻¹b for columns b (rows, P), on every rank.
-
-    `omega` (J,), `b` (P, J): the lowest frequencies [rad/s] and the values bᵀφ of their modes.
-    """
-    solver = structure.factorize()
-    if not isinstance(solver, Factorization):
-        return _deflections_by_solves(structure, loads)
-
-    x = omega**2 + structure.shift
-    step = SHIFT_STEP * x[-1]
-    C, shifted = _compliances_at_two_shifts(structure, solver, loads, step)
-
-    # what the known modes leave of both; as one mode of compliance `rest` and frequency² 1/slow
-    truncated = C - b**2 @ (1 / x)
-    rest_after = shifted - b**2 @ (1 / (x + step))
-    slow = (truncated - rest_after) / (step * np.where(rest_after > 0, rest_after, np.inf))
-    return C, b**2 @ (1 / x**2) + np.maximum(truncated, 0.0) * np.clip(slow, 0.0, 1 / x[-1])
-
-
-def _compliances_at_two_shifts(
-    structure: FactoredStructure, solver: Factorization, loads: scipy.sparse.csr_matrix, step: float
-) -> tuple[Array, Array]:
-    """bᵀ(K + sM)⁻¹b (P,) of every load b at the structure's shift s, and at s + `step`."""
-    if isinstance(solver, CholmodFactor):
-        first = solver.cholesky
-        A = csr(structure.K) + (structure.shift + step) * csr(structure.M)
-        second = Cholesky(lower_triangle(A), permutation=first.permutation).factorized()
-        return compliances(first, loads), compliances(second, loads)
-
-    A = sum_of(structure.K, structure.shift + step, structure.M)
-    results = np.zeros((2, loads.shape[1]))
-    for result, factor in zip(results, (solver, factorize(A)), strict=True):
-        for part, B, Y in _blocks_of_solutions(factor, loads):
-            result[part] = column_products(structure.comm, B, Y)
-    return results[0], results[1]
-
-
-def _deflections_by_solves(
-    structure: FactoredStructure, loads: scipy.sparse.csr_matrix
-) -> tuple[Array, Array]:
-    """(bᵀy, yᵀMy) of every load, with one solve for each."""
-    C, G = np.zeros((2, loads.shape[1]))
-    for part, B, Y in _blocks_of_solutions(structure.factorize(), loads):
-        C[part] = column_products(structure.comm, B, Y)
-        G[part] = column_products(structure.comm, Y, algebra.multiply(structure.M, Y))
-    return C, G
-
-
-def _blocks_of_solutions(
-    solver: Solver, loads: scipy.sparse.csr_matrix
-) -> Iterator[tuple[slice, Array, Array]]:
-    """Yield (slice of loads, these loads B as dense columns, A⁻¹B), block by block."""
-    count = loads.shape[1]
-
-    with counting("sites of the map", count) as report:
-        for first in range(0, count, LOADS_PER_SOLVE):
-            part = slice(first, first + LOADS_PER_SOLVE)
-            B = loads[:, part].toarray()
-            yield part, B, solver.solve_block(B)
-            report(min(first + LOADS_PER_SOLVE, count))
-            log.info("%d of %d sites solved for", min(first + LOADS_PER_SOLVE, count), count)
-
-
-def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
-    """bᵀA⁻¹b of every column of `loads` (n, P): (P,)."""
-    L = factor.supernodes
-    permutation = factor.permutation
-    position = np.empty_like(permutation)
-    position[permutation] = np.arange(len(position))
-    B = scipy.sparse.csc_matrix(loads)
-    columns = np.diff(L.start)
-    supernode = np.repeat(np.arange(len(columns)), columns)
-    parent = _parents(L.row, L.rows, columns, supernode)
-    loaded_rows = np.flatnonzero(np.diff(B.indptr))
-
-    # columns in postorder: neighbours in the tree follow one another
-    first = np.minimum.reduceat(position[B.indices], B.indptr[loaded_rows])
-    order = loaded_rows[np.argsort(first, kind="stable")]
-    result = np.zeros(B.shape[1])
-    settings = {"side": 1, "lower": 1, "trans_a": 1, "overwrite_b": 1}  # Zᵀ = (L⁻¹Z)ᵀ, no copy
-    solve_in_place = partial(scipy.linalg.blas.dtrsm, **settings)
-    compact = np.empty_like(position)
-
-    with counting("sites of the map", len(order)) as report:
-        for start in range(0, len(order), LOADS_PER_WALK):
-            sites = order[start : start + LOADS_PER_WALK]
-            part = B[:, sites].tocoo()
-            rows = position[part.row]
-            branch = _branch(np.unique(supernode[rows]), parent)
-
-            # loads of a subtree follow one another; the last entries are those above a root
-            begin = np.full(len(columns) + 1, len(sites))
-            end = np.zeros(len(columns) + 1, dtype=int)
-            np.minimum.at(begin, supernode[rows], part.col)
-            np.maximum.at(end, supernode[rows], part.col + 1)
-            for s in branch:
-                begin[parent[s]] = min(begin[parent[s]], begin[s])
-                end[parent[s]] = max(end[parent[s]], end[s])
-
-            in_branch = np.flatnonzero(np.isin(supernode, branch))
-            compact[in_branch] = np.arange(len(in_branch))
-            W = np.zeros((len(in_branch), len(sites)))
-            W[compact[rows], part.col] = part.data
-
-            for s in branch:
-                row_numbers = compact[L.rows[L.row[s] : L.row[s + 1]]]
-                height = len(row_numbers)
-                width = columns[s]
-                block = L.values[L.value[s] : L.value[s] + height * width].reshape(width, height).T
-                Z = W[:, begin[s] : end[s]]
-                z = Z[row_numbers]
-                for c in range(0, width, PANEL_COLUMNS):
-                    d = min(c + PANEL_COLUMNS, width)
-                    solve_in_place(1.0, block[c:d, c:d], z[c:d].T)
-                    z[d:] -= block[d:, c:d] @ z[c:d]
-                result[sites[begin[s] : end[s]]] += np.einsum("ij,ij->j", z[:width], z[:width])
-                Z[row_numbers[width:]] = z[width:]
-
-            report(min(start + LOADS_PER_WALK, len(order)))
-
-    return result
-
-
-def _parents(row: IntArray, rows: IntArray, columns: IntArray, supernode: IntArray) -> IntArray:
-    """Parent (supernodes,) of each supernode in the elimination tree; -1 for a root."""
-    below = np.diff(row) > columns
-    parent = np.full(len(columns), -1)
-    parent[below] = supernode[rows[(row[:-1] + columns)[below]]]
-    return parent
-
-
-def _branch(supernodes: IntArray, parent: IntArray) -> list[int]:
-    """The given supernodes and all their ancestors, children before parents."""
-    visited: set[int] = set()
-    for leaf in supernodes:
-        s = int(leaf)
-        while s >= 0 and s not in visited:
-            visited.add(s)
-            s = int(parent[s])
-    return sorted(visited)

@@ -129,7 +129,7 @@ class CellEntities:
     def at(self, entity: IntArray, xi: Array) -> tuple[Array, Array]:
         """(points (k, 3) [m], derivatives (k, 3, dim)) at ξ (k, dim) on entities (k,)."""
         x, J = self.geometry.at(self.cells[entity], self.reference(entity, xi))
-        return x, np.einsum("nxt,ntd->nxd", J, self._axes[entity])
+        return x, J @ self._axes[entity]
 
 
 #: Largest distance of a facet from a side of the bounding box on which it lies, over the extent.

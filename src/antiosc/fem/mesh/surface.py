@@ -58,9 +58,7 @@ def projected(
         x, J = at(moving, trial)
         gap = points[moving] - x
         if along is not None:
-            n = along[moving]
-            gap = gap - n * np.einsum("nd,nd->n", n, gap)[:, None]
-            J = J - n[:, :, None] * np.einsum("nd,ndt->nt", n, J)[:, None, :]
+            gap, J = across(along[moving], gap[:, :, None])[:, :, 0], across(along[moving], J)
         distance = np.linalg.norm(gap, axis=1)
 
         # A step that leads away is halved: far from a curved cell, whole ones can grow for ever.
@@ -69,12 +67,8 @@ def projected(
         xi[moving] = np.where(closer, trial, xi[moving])
         step[moving] = np.where(closer, _gauss_newton(J, gap), step[moving] / 2)
         ahead = xi[moving] + step[moving]
-        length = np.abs(step[moving]).max(axis=1)
-        # along a line whole steps fall as their squares: all further ones together are shorter
-        settling = closer[:, 0] & (along is not None)
-        beyond = np.where(settling, np.minimum(length, FOOT_BEYOND), FOOT_BEYOND)
-        far = np.maximum(-ahead.min(axis=1), ahead.max(axis=1) - 1) > beyond
-        unsettled = length > FOOT_SETTLED
+        far = np.maximum(-ahead.min(axis=1), ahead.max(axis=1) - 1) > FOOT_BEYOND
+        unsettled = np.abs(step[moving]).max(axis=1) > FOOT_SETTLED
         moving = moving[unsettled & ~far & ~affine[moving]]
         if not len(moving):
             break
@@ -82,9 +76,14 @@ def projected(
     return xi + step
 
 
+def across(lines: Array, vectors: Array) -> Array:
+    """Parts (n, 3, k) of vectors across unit vectors (n, 3)."""
+    return vectors - lines[:, :, None] * (lines[:, None] @ vectors)
+
+
 def _gauss_newton(J: Array, gap: Array) -> Array:
     """Steps (n, t) of ξ that make |gap − J step| smallest, for gaps (n, 3) and J (n, 3, t)."""
-    normal = np.einsum("ndt,nds->nts", J, J)
+    normal = np.swapaxes(J, 1, 2) @ J
     size = np.einsum("ntt->n", normal)[:, None, None] + np.finfo(float).tiny
     # A direction in which the surface does not extend stays where it is.
     normal = normal / size + 1e-14 * np.eye(J.shape[2])
@@ -570,11 +569,26 @@ class Faces(Entities):
     ) -> tuple[IntArray, IntArray]:
         """Pairs (face, point) where the line through the point may cross the face."""
         face, point = pairs_within(self.centres, self.radii + rise, points)
-        gap = self.centres[face] - points[point]
-        height = np.einsum("nd,nd->n", gap, normals[point])
-        aside = np.einsum("nd,nd->n", gap, gap) - height**2
-        crossed = aside <= (self.radii[face] * (1 + TOUCH_SHARE)) ** 2
+        origin, axes = self.corners[:, 0], self.corners[:, 1 : 1 + self.dim] - self.corners[:, :1]
+        lines = normals[point]
+        J = across(lines, np.swapaxes(axes, 1, 2)[face])
+        gap = across(lines, (points[point] - origin[face])[:, :, None])[:, :, 0]
+
+        # what the face leaves its plane by moves ξ by no more than that over the least stretch of J
+        squares = np.linalg.eigvalsh(np.swapaxes(J, 1, 2) @ J)[:, 0]
+        least = np.sqrt(np.maximum(squares, np.finfo(float).tiny))
+        outside = outside_distance(_gauss_newton(J, gap), self.simplex)
+        crossed = outside <= FACE_TOLERANCE + np.sqrt(2) * self._unevenness[face] / least
         return face[crossed], point[crossed]
+
+    @cached_property
+    def _unevenness(self) -> Array:
+        """Largest distance (F,) [m] of a point from where it stands in a parallelogram."""
+        bulge = BULGE_FACTOR * self.geometry.bulge[self.cells]
+        if self.simplex:
+            return bulge
+        skew = self.corners[:, 0] - self.corners[:, 1] - self.corners[:, 2] + self.corners[:, 3]
+        return np.asarray(bulge + np.linalg.norm(skew, axis=1))
 
     @cached_property
     def tangents(self) -> tuple[Array, Array]:
