@@ -1,25 +1,31 @@
 /* Products with the cells of `elastic.c` in the precision REAL. */
-typedef REAL wide __attribute__((vector_size(sizeof(REAL) * AFE_LANES), may_alias, aligned(sizeof(REAL))));
+typedef REAL wide __attribute__((vector_size(sizeof(REAL) * LANES), may_alias, aligned(sizeof(REAL))));
 typedef REAL quad __attribute__((vector_size(4 * sizeof(REAL)), may_alias, aligned(sizeof(REAL))));
-typedef INTEGER picks __attribute__((vector_size(sizeof(REAL) * AFE_LANES)));
+typedef INTEGER picks __attribute__((vector_size(sizeof(REAL) * LANES)));
 
-/* values x, y, z at a node of each cell: two cells share a vector, which are then transposed */
+/* x, y, z at a node of a cell and a number beyond; eight lanes share the cells l and l + 4 */
+INLINE void load(const REAL *u, const int32_t *nodes, int l, wide *own) {
+    memcpy(own, u + 3 * (int64_t)nodes[l], sizeof *own);
+#if LANES == 8
+    wide second;
+    memcpy(&second, u + 3 * (int64_t)nodes[l + 4], sizeof second);
+    *own = SHUFFLE(*own, second, 0, 1, 2, 3, 8, 9, 10, 11);
+#endif
+}
+
+/* values x, y, z at a node of each cell */
 INLINE void gather_node(const REAL *u, const int32_t *nodes, wide own[3]) {
-    wide rows[4]; /* x y z and a number beyond, of the cells l and l + 4 */
-    for (int l = 0; l < 4; l++) {
-        wide first, second;
-        memcpy(&first, u + 3 * (int64_t)nodes[l], sizeof first);
-        memcpy(&second, u + 3 * (int64_t)nodes[l + 4], sizeof second);
-        rows[l] = SHUFFLE(first, second, 0, 1, 2, 3, 8, 9, 10, 11);
-    }
-    wide xy[2], z[2];
+    wide with_x[2], others[2];
     for (int i = 0; i < 2; i++) {
-        xy[i] = SHUFFLE(rows[2 * i], rows[2 * i + 1], ALTERNATE_FIRST);
-        z[i] = SHUFFLE(rows[2 * i], rows[2 * i + 1], ALTERNATE_LAST);
+        wide even, odd;
+        load(u, nodes, 2 * i, &even);
+        load(u, nodes, 2 * i + 1, &odd);
+        with_x[i] = SHUFFLE(even, odd, ALTERNATE_FIRST);
+        others[i] = SHUFFLE(even, odd, ALTERNATE_LAST);
     }
-    own[0] = SHUFFLE(xy[0], xy[1], PAIRS_FIRST);
-    own[1] = SHUFFLE(xy[0], xy[1], PAIRS_LAST);
-    own[2] = SHUFFLE(z[0], z[1], PAIRS_FIRST);
+    own[0] = SHUFFLE(with_x[0], with_x[1], PAIRS_FIRST);
+    own[BESIDE_X] = SHUFFLE(with_x[0], with_x[1], PAIRS_LAST);
+    own[3 - BESIDE_X] = SHUFFLE(others[0], others[1], PAIRS_FIRST);
 }
 
 /* add x, y, z and 0 to a node of each cell: the transpose of `gather_node` */
@@ -29,14 +35,21 @@ INLINE void scatter_node(wide f[3], const int32_t *nodes, REAL *out) {
     wide xy[2] = {SHUFFLE(f[0], f[1], ALTERNATE_FIRST), SHUFFLE(f[0], f[1], ALTERNATE_LAST)};
     wide z[2] = {SHUFFLE(f[2], zero, ALTERNATE_FIRST), SHUFFLE(f[2], zero, ALTERNATE_LAST)};
     for (int i = 0; i < 2; i++) {
-        rows[2 * i] = SHUFFLE(xy[i], z[i], PAIRS_FIRST);
-        rows[2 * i + 1] = SHUFFLE(xy[i], z[i], PAIRS_LAST);
+        int row = i * (3 - BESIDE_X);
+        rows[row] = SHUFFLE(xy[i], z[i], PAIRS_FIRST);
+        rows[row + BESIDE_X] = SHUFFLE(xy[i], z[i], PAIRS_LAST);
     }
-    for (int l = 0; l < AFE_LANES; l++) {
+    for (int l = 0; l < LANES; l++) {
         quad own;
-        memcpy(&own, (const REAL *)&rows[l % 4] + (l < 4 ? 0 : 4), sizeof own);
+        memcpy(&own, (const REAL *)&rows[l % 4] + l / 4 * 4, sizeof own);
         *(quad *)(out + 3 * (int64_t)nodes[l]) += own;
     }
+}
+
+/* `count` numbers of each cell, of which the first cell is the one of `values` */
+INLINE void taken(const REAL *values, int count, wide *own) {
+    for (int i = 0; i < count; i++)
+        memcpy(own + i, values + i * AFE_LANES, sizeof *own);
 }
 
 /* slopes H[v][a][b] of u_a along b at the corners v, from grad λ_1, λ_2, λ_3 */
@@ -119,10 +132,10 @@ INLINE void inertia(REAL m, wide u[NODES][3], const wide *data, wide f[NODES][3]
 
 FOR_PROCESSORS
 void NAMED(afe_tetra_product, REAL)(const afe_tetra *of, REAL k, REAL m, const REAL *u, REAL *out) {
-    for (int64_t g = 0; g < of->n_groups; g++) {
-        const int32_t *nodes = of->nodes + g * NODES * AFE_LANES;
-        const wide *data = (const wide *)((const REAL *)of->data + g * AFE_TETRA_DATA * AFE_LANES);
-        wide own[NODES][3], f[NODES][3];
+    for (int64_t cell = 0; cell < of->n_groups * AFE_LANES; cell += LANES) {
+        const int32_t *nodes = of->nodes + PLACE_OF(cell, NODES);
+        wide own[NODES][3], f[NODES][3], data[AFE_TETRA_DATA];
+        taken((const REAL *)of->data + PLACE_OF(cell, AFE_TETRA_DATA), AFE_TETRA_DATA, data);
         for (int n = 0; n < NODES; n++)
             gather_node(u, nodes + n * AFE_LANES, own[n]);
         memset(f, 0, sizeof f);
@@ -179,21 +192,25 @@ INLINE void inertia_at(REAL m, wide u[NODES][3], const REAL *table, const wide *
 
 FOR_PROCESSORS
 void NAMED(afe_curved_product, REAL)(const afe_curved *of, REAL k, REAL m, const REAL *u, REAL *out) {
-    const wide *points = of->points, *masses = of->masses;
     const REAL *gradients = of->gradients, *values = of->values;
-    for (int64_t g = 0; g < of->n_groups; g++) {
-        const int32_t *nodes = of->nodes + g * NODES * AFE_LANES;
-        wide own[NODES][3], f[NODES][3];
+    for (int64_t cell = 0; cell < of->n_groups * AFE_LANES; cell += LANES) {
+        const int32_t *nodes = of->nodes + PLACE_OF(cell, NODES);
+        const REAL *points = (const REAL *)of->points + PLACE_OF(cell, of->n_points * AFE_POINT_DATA);
+        const REAL *masses = (const REAL *)of->masses + PLACE_OF(cell, of->n_masses);
+        wide own[NODES][3], f[NODES][3], data[AFE_POINT_DATA];
         for (int n = 0; n < NODES; n++)
             gather_node(u, nodes + n * AFE_LANES, own[n]);
         memset(f, 0, sizeof f);
         if (k != 0.0)
-            for (int64_t q = 0; q < of->n_points; q++)
-                stiffness_at(k, own, gradients + q * NODES * 3,
-                             points + (g * of->n_points + q) * AFE_POINT_DATA, f);
+            for (int64_t q = 0; q < of->n_points; q++) {
+                taken(points + q * AFE_POINT_DATA * AFE_LANES, AFE_POINT_DATA, data);
+                stiffness_at(k, own, gradients + q * NODES * 3, data, f);
+            }
         if (m != 0.0)
-            for (int64_t q = 0; q < of->n_masses; q++)
-                inertia_at(m, own, values + q * NODES, masses + g * of->n_masses + q, f);
+            for (int64_t q = 0; q < of->n_masses; q++) {
+                taken(masses + q * AFE_LANES, 1, data);
+                inertia_at(m, own, values + q * NODES, data, f);
+            }
         for (int n = 0; n < NODES; n++)
             scatter_node(f[n], nodes + n * AFE_LANES, out);
     }
@@ -202,10 +219,10 @@ void NAMED(afe_curved_product, REAL)(const afe_curved *of, REAL k, REAL m, const
 /* Linear elements on straight cells: their gradients, strains and stresses are constant. */
 FOR_PROCESSORS
 void NAMED(afe_linear_product, REAL)(const afe_tetra *of, REAL k, REAL m, const REAL *u, REAL *out) {
-    for (int64_t g = 0; g < of->n_groups; g++) {
-        const int32_t *nodes = of->nodes + g * CORNERS * AFE_LANES;
-        const wide *data = (const wide *)((const REAL *)of->data + g * AFE_TETRA_DATA * AFE_LANES);
-        wide own[CORNERS][3], f[CORNERS][3], H[3][3];
+    for (int64_t cell = 0; cell < of->n_groups * AFE_LANES; cell += LANES) {
+        const int32_t *nodes = of->nodes + PLACE_OF(cell, CORNERS);
+        wide own[CORNERS][3], f[CORNERS][3], H[3][3], data[AFE_TETRA_DATA];
+        taken((const REAL *)of->data + PLACE_OF(cell, AFE_TETRA_DATA), AFE_TETRA_DATA, data);
         for (int v = 0; v < CORNERS; v++)
             gather_node(u, nodes + v * AFE_LANES, own[v]);
 

@@ -84,7 +84,7 @@ CURVED_PRODUCTS = ProductCost(80.0, 5.5, 5.5, 0.6e-9)
 #: from plates to compact blocks of tetrahedra, 43 000 to 340 000 dofs; 10 to 13 of hexahedra.
 QUADRATIC_OVER_LINEAR = 15.0
 #: Entries of the factor of the coarse level up to which it is used.
-MOST_COARSE_ENTRIES = 2e7
+MOST_COARSE_ENTRIES = 5e6
 #: Seconds of the set-up of two levels for each entry, beside the factor of the coarse level.
 SET_UP_SECONDS = 4e-8
 
