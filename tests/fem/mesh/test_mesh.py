@@ -281,7 +281,7 @@ def test_faces_enclose_the_cells(name):
 
 @pytest.mark.parametrize("name", [*SOLID, *list(KINDS_OF_MESHES)[5:9]])
 def test_points_above_faces_are_brought_back(name):
-    """Along the normals at the middles of the faces, most from near their edges; not from too far."""
+    """Along the normals of the middles, most points near edges; not from too far."""
     mesh = KINDS_OF_MESHES[name]()
     faces = Faces(mesh, sheet="space" in name)
     every = np.repeat(np.arange(len(faces.facets)), 10)
