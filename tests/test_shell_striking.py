@@ -29,8 +29,8 @@ HELD = {"hard": SIMPLE, "soft": SOFT}
 @cache
 def reference(ends: str) -> ao.History:
     """On a fine mesh of another element: quadrilaterals."""
-    part = plate(16, 0.04, "quadrilateral", HELD[ends])
-    return ao.simulate(ao.extract(part, SITE, n=60), *IMPACT, tol=1e-6)
+    part = plate(14, 0.04, "quadrilateral", HELD[ends])
+    return ao.simulate(ao.extract(part, SITE, n=40), *IMPACT, tol=1e-6)
 
 
 @pytest.mark.parametrize(
