@@ -17,7 +17,7 @@ pytest.importorskip("dolfinx")
 
 
 #: Models of case 2 of which another integrator repeats the run.
-REPEATED = ("FE", "AO 9", "modes 10")
+REPEATED = ("AO 9", "modes 10", "exact")
 
 
 @pytest.fixture(scope="module")

@@ -100,8 +100,7 @@ def test_machine_guard(tmp_path: Path) -> None:
 def test_random_parts(tmp_path):
     out = tmp_path / "cases.jsonl"
     book = demo("error_budget")
-    # coarser meshes and fewer oscillators
-    book.REFERENCE, book.FINE, book.ANTI_OSCILLATORS = 0.1, {2: 4e-3}, 15
+    book.REFERENCE, book.FINE = 0.1, {2: 4e-3}  # coarser meshes of the truth
     main = book.main
     assert len(main(parts=1, seed=4, dim=2, out=str(out))) == 1
     cases = main(parts=2, seed=4, dim=2, out=str(out))
