@@ -202,7 +202,7 @@ def test_bars_of_loaded_parts_hold(family):
     for fine in (1, 2):
         mesh, (material, held, loads), site = loaded(family, fine)
         part = ao.Structure(mesh, material, held, prestress=loads)
-        model = ao.extract(part, site, n=20, error="estimate")
+        model = ao.extract(part, site, n=40, error="estimate")
         blow = ao.RigidMass(0.05, 0.1), ao.Hertz(1e7), 3e-3
         found.append(ao.simulate(model, *blow))
     coarse, fine = found
