@@ -340,7 +340,6 @@ class Sheet(Checked):
             )
         if order != 2:
             raise InputError("Shell elements need the order 2 of Structure, its default.")
-        areas = areas_of(mesh)
         triangles = mesh.cell == "triangle"
         space = compat.lagrange_space(mesh.dolfinx, 3 if triangles else 2, 6)
         section = section_fields(mesh, parts)
@@ -364,7 +363,7 @@ class Sheet(Checked):
             stiffness = [(membrane + shear + bending) * measure(mesh, 6 + curved)]
             mass = [motion * measure(mesh, 6 + curved)]
         else:
-            for_shear = section.t2_of_shear / (section.t2_of_shear + SHEAR_FACTOR * areas)
+            for_shear = section.t2_of_shear / (section.t2_of_shear + SHEAR_FACTOR * areas_of(mesh))
             rise2 = rise_of(mesh) ** 2
             for_membrane = section.t2_of_stretch / (section.t2_of_stretch + MEMBRANE_FACTOR * rise2)
             full = for_membrane * membrane + for_shear * shear + bending
