@@ -51,6 +51,10 @@ typedef struct afe_curved {
 AFE_API void afe_tetra_product_double(const afe_tetra *of, double k, double m, const double *u,
                                       double *out);
 AFE_API void afe_tetra_product_float(const afe_tetra *of, float k, float m, const float *u, float *out);
+/* the same for a u that is linear in each cell, of which its corners alone are read */
+AFE_API void afe_tetra_of_linear_double(const afe_tetra *of, double k, double m, const double *u,
+                                        double *out);
+AFE_API void afe_tetra_of_linear_float(const afe_tetra *of, float k, float m, const float *u, float *out);
 AFE_API void afe_linear_product_double(const afe_tetra *of, double k, double m, const double *u,
                                        double *out); /* nodes: the first four, [groups][4][AFE_LANES] */
 AFE_API void afe_linear_product_float(const afe_tetra *of, float k, float m, const float *u, float *out);

@@ -37,6 +37,7 @@ static const int PLACE[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
 #define slopes NAMED(slopes, REAL)
 #define stresses NAMED(stresses, REAL)
 #define forces NAMED(forces, REAL)
+#define corner_forces NAMED(corner_forces, REAL)
 #define inertia NAMED(inertia, REAL)
 #define stiffness_at NAMED(stiffness_at, REAL)
 #define inertia_at NAMED(inertia_at, REAL)
@@ -85,6 +86,7 @@ static const int PLACE[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
 #undef slopes
 #undef stresses
 #undef forces
+#undef corner_forces
 #undef inertia
 #undef stiffness_at
 #undef inertia_at

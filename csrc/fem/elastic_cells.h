@@ -216,36 +216,40 @@ void NAMED(afe_curved_product, REAL)(const afe_curved *of, REAL k, REAL m, const
     }
 }
 
-/* Linear elements on straight cells: their gradients, strains and stresses are constant. */
+/* f = k K u of linear elements, whose strains are constant, at the corners */
+INLINE void corner_forces(REAL k, wide u[CORNERS][3], const wide *data, wide f[CORNERS][3]) {
+    wide H[3][3];
+    for (int a = 0; a < 3; a++) {
+        wide c[CORNERS];
+        for (int v = 1; v < CORNERS; v++)
+            c[v] = u[v][a] - u[0][a];
+        for (int b = 0; b < 3; b++)
+            H[a][b] = c[1] * data[b] + c[2] * data[3 + b] + c[3] * data[6 + b];
+    }
+    wide shear = 20 * k * data[10], mean = 20 * k * data[9] * (H[0][0] + H[1][1] + H[2][2]);
+    for (int a = 0; a < 3; a++) {
+        wide T[3];
+        for (int b = 0; b < 3; b++)
+            T[b] = shear * (H[a][b] + H[b][a]);
+        T[a] += mean;
+        for (int v = 1; v < CORNERS; v++) {
+            const wide *grad = data + 3 * v - 3;
+            f[v][a] = T[0] * grad[0] + T[1] * grad[1] + T[2] * grad[2];
+        }
+        f[0][a] = -(f[1][a] + f[2][a] + f[3][a]);
+    }
+}
+
 FOR_PROCESSORS
 void NAMED(afe_linear_product, REAL)(const afe_tetra *of, REAL k, REAL m, const REAL *u, REAL *out) {
     for (int64_t cell = 0; cell < of->n_groups * AFE_LANES; cell += LANES) {
         const int32_t *nodes = of->nodes + PLACE_OF(cell, CORNERS);
-        wide own[CORNERS][3], f[CORNERS][3], H[3][3], data[AFE_TETRA_DATA];
+        wide own[CORNERS][3], f[CORNERS][3], data[AFE_TETRA_DATA];
         taken((const REAL *)of->data + PLACE_OF(cell, AFE_TETRA_DATA), AFE_TETRA_DATA, data);
         for (int v = 0; v < CORNERS; v++)
             gather_node(u, nodes + v * AFE_LANES, own[v]);
 
-        for (int a = 0; a < 3; a++) {
-            wide c[CORNERS];
-            for (int v = 1; v < CORNERS; v++)
-                c[v] = own[v][a] - own[0][a];
-            for (int b = 0; b < 3; b++)
-                H[a][b] = c[1] * data[b] + c[2] * data[3 + b] + c[3] * data[6 + b];
-        }
-        wide shear = 20 * k * data[10], mean = 20 * k * data[9] * (H[0][0] + H[1][1] + H[2][2]);
-        for (int a = 0; a < 3; a++) {
-            wide T[3];
-            for (int b = 0; b < 3; b++)
-                T[b] = shear * (H[a][b] + H[b][a]);
-            T[a] += mean;
-            for (int v = 1; v < CORNERS; v++) {
-                const wide *grad = data + 3 * v - 3;
-                f[v][a] = T[0] * grad[0] + T[1] * grad[1] + T[2] * grad[2];
-            }
-            f[0][a] = -(f[1][a] + f[2][a] + f[3][a]);
-        }
-
+        corner_forces(k, own, data, f);
         wide share = 21 * m * data[11]; /* of 1/20 of the mass */
         for (int a = 0; a < 3; a++) {
             wide sum = own[0][a] + own[1][a] + own[2][a] + own[3][a];
@@ -254,5 +258,31 @@ void NAMED(afe_linear_product, REAL)(const afe_tetra *of, REAL k, REAL m, const 
         }
         for (int v = 0; v < CORNERS; v++)
             scatter_node(f[v], nodes + v * AFE_LANES, out);
+    }
+}
+
+/* Where u is linear in a quadratic cell, its constant stresses act on the middles of the edges alone: the
+ * mean of grad N is grad λ_v + grad λ_w there, and zero at the corners. */
+FOR_PROCESSORS
+void NAMED(afe_tetra_of_linear, REAL)(const afe_tetra *of, REAL k, REAL m, const REAL *u, REAL *out) {
+    for (int64_t cell = 0; cell < of->n_groups * AFE_LANES; cell += LANES) {
+        const int32_t *nodes = of->nodes + PLACE_OF(cell, NODES);
+        wide own[NODES][3], f[NODES][3], at_corners[CORNERS][3], data[AFE_TETRA_DATA];
+        taken((const REAL *)of->data + PLACE_OF(cell, AFE_TETRA_DATA), AFE_TETRA_DATA, data);
+        for (int v = 0; v < CORNERS; v++)
+            gather_node(u, nodes + v * AFE_LANES, own[v]);
+
+        corner_forces(k, own, data, at_corners);
+        memset(f, 0, sizeof f);
+        for (int v = 0; v < CORNERS; v++)
+            for (int w = 0; w < v; w++)
+                for (int a = 0; a < 3; a++) {
+                    f[BETWEEN[v][w]][a] = at_corners[v][a] + at_corners[w][a];
+                    own[BETWEEN[v][w]][a] = 0.5 * (own[v][a] + own[w][a]);
+                }
+        if (m != 0.0)
+            inertia(m, own, data, f);
+        for (int n = m == 0.0 ? CORNERS : 0; n < NODES; n++)
+            scatter_node(f[n], nodes + n * AFE_LANES, out);
     }
 }

@@ -18,6 +18,7 @@ from antiosc.fem.linalg.petsc_algebra import (
     CELLS_KEY,
     csr,
     multiply,
+    multiply_linear,
     sum_of,
     with_entries,
 )
@@ -97,12 +98,15 @@ def test_what_the_solver_takes_from_the_cells_is_that_of_the_entries(order, atta
     part = ao.Structure(skewed(order), {"soft": RUBBER, "hard": STEEL}, HELD, attached=attached)
     P = part.matrices.prolongation()
     x = np.random.default_rng(0).standard_normal(part.rows)
+    linear = csr(P) @ x[: P.getSize()[1]]
     for matrix in (part.K, part.M, sum_of(part.K, 3e9, part.M)):
         diagonal = matrix.getDiagonal().array  # of the cells: there are no entries yet
         entries = with_entries(matrix)
         whole = csr(entries)
         size = abs(whole) @ abs(x) + 1e-300
         assert np.all(abs(multiply(matrix, x) - whole @ x) <= 1e-11 * size)
+        size = abs(whole) @ abs(linear) + 1e-300
+        assert np.all(abs(multiply_linear(matrix, linear) - whole @ linear) <= 1e-11 * size)
         most = whole.diagonal().max()
         np.testing.assert_allclose(diagonal, whole.diagonal(), rtol=0, atol=1e-12 * most)
         product = matrix.getAttr(CELLS_KEY)

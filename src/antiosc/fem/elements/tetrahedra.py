@@ -57,8 +57,9 @@ class Cells(ABC):
         Numbers of their nodes on this rank.
     """
 
-    #: the C function without its precision
+    #: the C functions without their precision: for any u, and for a u that is linear in each cell
     function: str
+    function_of_linear: str
 
     def __init__(self, nodes: IntArray) -> None:
         self.nodes = nodes
@@ -78,16 +79,19 @@ class Cells(ABC):
     def _arrays(self) -> Sequence[Array]:
         """The arrays that the argument of the C kernel points to, in double precision."""
 
-    def add(self, k: float, m: float, u: Array, out: Array) -> None:
-        """Add (k K + m M) u to `out`, both on all dofs of this rank, single or double."""
+    def add(self, k: float, m: float, u: Array, out: Array, linear: bool = False) -> None:
+        """Add (k K + m M) u to `out`, both on all dofs of this rank, single or double.
+
+        `linear`: whether u is linear in each cell.
+        """
         if u.dtype not in self._arguments:
             arrays = [array.astype(u.dtype, copy=False) for array in self._arrays]
             addresses = [library.address(array) for array in arrays]
             argument = self._argument(library.address(self._in_lanes), addresses)
             self._arguments[u.dtype] = argument, arrays
 
-        precision = "float" if u.dtype == np.float32 else "double"
-        product = getattr(kernels, f"{self.function}_{precision}")
+        function = self.function_of_linear if linear else self.function
+        product = getattr(kernels, f"{function}_{'float' if u.dtype == np.float32 else 'double'}")
         argument, _ = self._arguments[u.dtype]
         product(byref(argument), k, m, library.address(u), library.address(out))
 
@@ -103,7 +107,7 @@ class StraightCells(Cells):
         Lamé's constants [Pa] and the density [kg/m³].
     """
 
-    function = "afe_tetra_product"
+    function, function_of_linear = "afe_tetra_product", "afe_tetra_of_linear"
 
     def __init__(self, nodes: IntArray, x: Array, constants: Array) -> None:
         super().__init__(nodes)
@@ -142,7 +146,7 @@ class StraightCells(Cells):
 class LinearCells(StraightCells):
     """Linear elements on straight cells, whose nodes (n, 4) are the corners."""
 
-    function = "afe_linear_product"
+    function = function_of_linear = "afe_linear_product"
 
     def blocks(self, k: float, m: float) -> Iterator[Array]:
         slopes, lame, shear, density = self._constants(k, m)
@@ -165,7 +169,7 @@ class CurvedCells(Cells):
         The quadrature of K and of M.
     """
 
-    function = "afe_curved_product"
+    function = function_of_linear = "afe_curved_product"
 
     def __init__(
         self,
@@ -288,9 +292,9 @@ class CCurved(Structure):
 #: The functions of the library, which `antiosc.engine.library` has checked.
 kernels = ctypes.CDLL(str(library.LIBRARY_FILE))
 
-for _cells in (StraightCells, LinearCells, CurvedCells):
+for _name in ("tetra_product", "tetra_of_linear", "linear_product", "curved_product"):
     for _precision, _real in (("double", c_double), ("float", c_float)):
-        _function = getattr(kernels, f"{_cells.function}_{_precision}")
+        _function = getattr(kernels, f"afe_{_name}_{_precision}")
         _function.restype = None
         _function.argtypes = c_void_p, _real, _real, c_void_p, c_void_p
 
@@ -369,38 +373,41 @@ class Tetrahedra:
 
         return result.reshape(-1, 3)
 
-    def product(self, x: Array, k: float, m: float) -> Array:
+    def product(self, x: Array, k: float, m: float, linear: bool = False) -> Array:
         """(k K + m M) x for a vector or a block of vectors (rows of this rank, columns).
 
-        The result has the precision of x, single or double.
+        `linear`: whether x is linear in each cell. The result has the precision of x.
         """
         if x.ndim == 1:
-            return self._of_vector(x, k, m)
+            return self._of_vector(x, k, m, linear)
         result = np.empty(x.shape, x.dtype, order="F")
         for j, column in enumerate(x.T):
-            result[:, j] = self._of_vector(column, k, m)
+            result[:, j] = self._of_vector(column, k, m, linear)
         return result
 
-    def _of_vector(self, x: Array, k: float, m: float) -> Array:
-        """(k K + m M) x for one vector."""
+    def _of_vector(self, x: Array, k: float, m: float, linear: bool) -> Array:
+        """`product` for one vector."""
         u, result = self.vector(x.dtype), self.vector(x.dtype)
         u[: self.rows] = x
-        self.add(k, m, u, result)
+        self.add(k, m, u, result, linear)
         return result[: self.rows]
 
     def vector(self, dtype: np.dtype[Any] | type[np.floating[Any]]) -> Array:
         """A zero vector on the dofs of this rank, ghosts included."""
         return np.zeros(self._dofs + VECTOR_PADDING, dtype)[: self._dofs]
 
-    def add(self, k: float, m: float, u: Array, out: Array) -> None:
-        """Add (k K + m M) u to `out`, both by `vector`; the values of their ghosts are not read."""
+    def add(self, k: float, m: float, u: Array, out: Array, linear: bool = False) -> None:
+        """Add (k K + m M) u to `out`, both by `vector`; the values of their ghosts are not read.
+
+        `linear`: whether u is linear in each cell.
+        """
         fixed, fixed_out = u[self._held], out[self._held]
         u[self._held] = 0.0
         out[self.rows :] = 0.0
 
         self._exchange.fetch(u)
         for cells in self._kinds:
-            cells.add(k, m, u, out)
+            cells.add(k, m, u, out, linear)
         self._exchange.add(out)
         for factor, matrix in self._matrices(k, m):
             out[: self.rows] += factor * multiply(matrix, u[: self.rows])

@@ -10,7 +10,7 @@ it. On the fine level Chebyshev's iteration acts, with the diagonal blocks of th
 level is factored. Where it is large, a third level of its smoothed aggregates is factored instead,
 and visited twice. Linear elements lock where a part is one element thick or nearly incompressible:
 a factor is better there. Where products are computed from the cells, smoothing is in single
-precision, but not the residual after a coarse correction, which is far smaller than its terms.
+precision, but not the product with a coarse correction, which leaves far smaller residuals.
 
 A solve ends where the energy norm of its error is `ITERATION_RESIDUAL` of that of the solution, as
 the preconditioner B measures it; the largest and least eigenvalues of BA, which conjugate gradients
@@ -39,7 +39,7 @@ from antiosc.fem.linalg.algebra import diagonal
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS_KEY,
     cell_matrix,
-    multiply,
+    multiply_linear,
     register_for_release,
     release_dropped,
     set_type_at_exit,
@@ -257,11 +257,8 @@ class TwoLevels(Multigrid):
             solve = Cycle(level, T, self._inverse(aggregates), AGGREGATED_CYCLES)
             del T, aggregates, level
 
-        del (
-            coarse,
-            self._coarse,
-            self._inverse,
-        )  # an analysis in it became the factor in double precision
+        # an analysis in the inverse became the factor in double precision
+        del coarse, self._coarse, self._inverse
         release_dropped(self.A.getComm().tompi4py())
         self._cycle = pc  # what becomes another type stays as long as the solver
         self._cycle.setType(PETSc.PC.Type.PYTHON)
@@ -305,8 +302,10 @@ class Cycle:
             self._P.multTranspose(self._fine, self._load)
             self._load.setArray(self._coarse(self._load.array_r))
             self._P.mult(self._load, self._fine)
-            result = result + self._fine.array_r
-            smoothed, residual = self._smooth(load - multiply(self._A, result), last=left == 0)
+            correction = self._fine.array_r
+            result = result + correction
+            residual = residual - multiply_linear(self._A, correction)
+            smoothed, residual = self._smooth(residual, last=left == 0)
             result += smoothed
 
         return result

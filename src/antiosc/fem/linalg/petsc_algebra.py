@@ -30,7 +30,7 @@ class Cells(Protocol):
     comm: MPI.Comm
     rows: int
 
-    def product(self, x: Array, k: float, m: float) -> Array: ...
+    def product(self, x: Array, k: float, m: float, linear: bool = False) -> Array: ...
     def blocks(self, k: float, m: float) -> Array: ...
     def entries(self, k: float, m: float) -> PETSc.Mat: ...
     def vector(self, dtype: type[np.floating[Any]]) -> Array: ...
@@ -228,6 +228,14 @@ def multiply(matrix: PETSc.Mat, x: Array) -> Array:
     source.destroy()
     target.destroy()
     return result
+
+
+def multiply_linear(matrix: PETSc.Mat, x: Array) -> Array:
+    """matrix · x for a vector that is linear in each cell, of which few numbers are read then."""
+    if not uses_cells(matrix):
+        return multiply(matrix, x)
+    product: CellProduct = matrix.getAttr(CELLS_KEY)
+    return product.cells.product(x, product.k, product.m, linear=True)
 
 
 def uses_strains(matrix: PETSc.Mat) -> bool:
