@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import basix
@@ -504,30 +505,41 @@ class Exchange:
         self._map = space.dofmap.index_map
         self._bs = space.dofmap.index_map_bs
         self._alone = communicator(space.mesh).size == 1
+        self._owned = self._bs * self._map.size_local
         self._vectors: dict[tuple[int, np.dtype], dolfinx.la.Vector] = {}
 
     def fetch(self, values: Array) -> None:
         """Copy the owners' values to the ghosts."""
         if not self._alone:
-            vector = self._filled(values)
+            vector, copies = self._vector(values)
+            copies[self._shared] = values[self._shared]
             vector.scatter_forward()
-            values[:] = vector.array.reshape(values.shape)
+            values[self._owned :] = copies[self._owned :]
 
     def add(self, values: Array) -> None:
         """Add the values at the ghosts to those of their owners."""
         if not self._alone:
-            vector = self._filled(values)
+            vector, copies = self._vector(values)
+            copies[self._shared] = values[self._shared]
+            copies[self._owned :] = values[self._owned :]
             vector.scatter_reverse(ADD_GHOSTS)
-            values[:] = vector.array.reshape(values.shape)
+            values[self._shared] = copies[self._shared]
 
-    def _filled(self, values: Array) -> dolfinx.la.Vector:
-        """dolfinx's vector with these values, of one or several columns."""
+    def _vector(self, values: Array) -> tuple[dolfinx.la.Vector, Array]:
+        """dolfinx's vector for values of one or several columns, and its array in their shape."""
         kind = math.prod(values.shape[1:]), values.dtype
         if kind not in self._vectors:
             self._vectors[kind] = dolfinx.la.vector(self._map, self._bs * kind[0], kind[1])
         vector = self._vectors[kind]
-        vector.array[:] = values.ravel()
-        return vector
+        return vector, vector.array.reshape(values.shape)
+
+    @cached_property
+    def _shared(self) -> IntArray:
+        """The dofs of this rank that are ghosts on others."""
+        marks = dolfinx.la.vector(self._map, self._bs)
+        marks.array[self._owned :] = 1.0
+        marks.scatter_reverse(ADD_GHOSTS)
+        return np.flatnonzero(marks.array[: self._owned])
 
 
 def with_ghosts(space: fem.FunctionSpace, block: Array) -> Array:
