@@ -325,6 +325,9 @@ def _iterative_solver(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = 
     if prolongation is None or forecast is None:
         solver = Multigrid(with_entries(A), levels.motions())
     else:
+        factored = sizes.coarse > 0
+        if not factored:
+            forecast.analysis = None  # it has a copy of the coarse matrix
         coarse = forecast.matrix
         taken = forecast.taken
 
@@ -332,7 +335,6 @@ def _iterative_solver(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = 
             factor = factorize(matrix, taken(matrix))
             return lambda b: factor.solve_block(b[:, None])[:, 0]
 
-        factored = sizes.coarse > 0
         solver = TwoLevels(A, levels.motions, prolongation, inverse, coarse, factored)
 
     solver.cost = Cost(sizes.bytes)
