@@ -63,7 +63,6 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def pytest_collection_finish() -> None:
-    gc.freeze()  # modules and tests are not searched for garbage, which took 4 % of a run
     gc.enable()
     isolation._run_reader = readers.ask
     charts.render = pictures.rough
