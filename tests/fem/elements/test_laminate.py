@@ -157,7 +157,7 @@ def test_a_laminate_rotated_in_space_keeps_its_frequencies(cell):
 @pytest.mark.slow
 def test_laminate_and_shell_by_group():
     """A step from metal to the same metal in layers, and to a lighter one."""
-    mesh = rectangle((4, 2), 2.0, 1.0, "quadrilateral")
+    mesh = rectangle((4, 2), 2.0, 1.0)
     middle = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)].mean(axis=1)[:, 0]
     groups = {
         name: {2: np.flatnonzero(mask).astype(np.int32)}

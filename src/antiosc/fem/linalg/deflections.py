@@ -43,6 +43,9 @@ LOADS_PER_SOLVE = 64
 #: σ over the last known ω² + s: the secant is off by about this share, rounding by 1e-12 over it.
 SHIFT_STEP = 1e-3
 
+#: Zᵀ = (L⁻¹Z)ᵀ without a copy, of arguments 1, L, Zᵀ
+solve_in_place = partial(scipy.linalg.blas.dtrsm, side=1, lower=1, trans_a=1, overwrite_b=1)
+
 log = logging.getLogger(__name__)
 
 
@@ -208,10 +211,6 @@ class Walks:
             z[d:] -= block[d:, c:d] @ z[c:d]
 
         return z
-
-
-#: Zᵀ = (L⁻¹Z)ᵀ without a copy, of arguments 1, L, Zᵀ
-solve_in_place = partial(scipy.linalg.blas.dtrsm, side=1, lower=1, trans_a=1, overwrite_b=1)
 
 
 def _parents(row: IntArray, rows: IntArray, columns: IntArray, supernode: IntArray) -> IntArray:

@@ -78,7 +78,8 @@ STORED_PRODUCTS = ProductCost(math.nan, 6.0, 20.0, 8e-9)
 #: From straight isotropic tetrahedra (by aggregates a bracket of 1.65 million dofs).
 STRAIGHT_PRODUCTS = ProductCost(80.0, 4.5, 5.0, 1.1e-9)
 #: What curved ones add to that: their kernel takes 155 ns a cell, with the points of smoothing 48
-#: and 60 in single and double precision, that of straight ones 26 and 34; they have 2 kB a cell.
+#: and 60 in single and double precision, that of straight ones 26 and 34 (with AVX-512; 35 and 63
+#: without); they have 2 kB a cell.
 CURVED_PRODUCTS = ProductCost(80.0, 5.5, 5.5, 0.6e-9)
 #: Entries of a factor of quadratic elements over those of linear ones on the same cells: 12 to 19
 #: from plates to compact blocks of tetrahedra, 43 000 to 340 000 dofs; 10 to 13 of hexahedra.

@@ -311,34 +311,45 @@ def _iterative_solver(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = 
     """The iterative solver; OutOfMemoryError before its matrices are made."""
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     prolongation = levels.prolongation()
+    solver: Multigrid
+
     if prolongation is None:
-        sizes = _sizes_of(A, 0.0)
+        sizes = _fitting_sizes(A, 0.0, free)
+        solver = Multigrid(with_entries(A), levels.motions())
     else:
         if forecast is None or forecast.matrix is A:
             forecast = forecast_of(A, prolongation)
-        sizes = _sizes_of(A, forecast.entries)
-
-    noun = f"the iterative solver of {A.getSize()[0]} dofs"
-    process.require_memory(sizes.bytes, noun, SMALLER_MESH_REMEDY, free)
-    solver: Multigrid
-
-    if prolongation is None or forecast is None:
-        solver = Multigrid(with_entries(A), levels.motions())
-    else:
-        factored = sizes.coarse > 0
-        if not factored:
-            forecast.analysis = None  # it has a copy of the coarse matrix
-        coarse = forecast.matrix
-        taken = forecast.taken
-
-        def inverse(matrix: PETSc.Mat) -> Callable[[Array], Array]:
-            factor = factorize(matrix, taken(matrix))
-            return lambda b: factor.solve_block(b[:, None])[:, 0]
-
-        solver = TwoLevels(A, levels.motions, prolongation, inverse, coarse, factored)
+        sizes = _fitting_sizes(A, forecast.entries, free)
+        solver = _two_levels(A, levels.motions, prolongation, forecast, sizes.coarse > 0)
 
     solver.cost = Cost(sizes.bytes)
     return solver
+
+
+def _fitting_sizes(A: PETSc.Mat, factor: float, free: float) -> LevelSizes:
+    """`_sizes_of`; OutOfMemoryError if the levels do not fit into `free` bytes."""
+    sizes = _sizes_of(A, factor)
+    noun = f"the iterative solver of {A.getSize()[0]} dofs"
+    process.require_memory(sizes.bytes, noun, SMALLER_MESH_REMEDY, free)
+    return sizes
+
+
+def _two_levels(
+    A: PETSc.Mat,
+    motions: Callable[[], Array],
+    prolongation: PETSc.Mat,
+    forecast: Forecast,
+    factored: bool,
+) -> TwoLevels:
+    """Two levels of A from the forecast of its coarse matrix, which is `factored` or aggregated."""
+    if not factored:
+        forecast.analysis = None  # it has a copy of the coarse matrix
+
+    def inverse(matrix: PETSc.Mat) -> Callable[[Array], Array]:
+        factor = factorize(matrix, forecast.taken(matrix))
+        return lambda b: factor.solve_block(b[:, None])[:, 0]
+
+    return TwoLevels(A, motions, prolongation, inverse, forecast.matrix, factored)
 
 
 def _sizes_of(A: PETSc.Mat, factor: float) -> LevelSizes:
