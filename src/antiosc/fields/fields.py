@@ -267,10 +267,8 @@ ColumnFunction = Callable[[Array, bool], Array]
 
 
 def _static_state_strain(at: ColumnFunction, structure: Structure, shapes: Array) -> Array:
-    """Second-order strains η(q, s) (…, B) of the static state q with each of `shapes` (rows, B).
-
-    `at`: function of (shapes, second_order) that gives their strains or stresses (…, columns).
-    """
+    """Second-order strains η(q, s) (…, B) of the static state q with each of `shapes` (rows, B), by
+    strains or stresses `at` of (shapes, second_order)."""
     preload = structure.matrices.preload
     if preload is None or not structure.comm.allreduce(preload.q.any()):
         return np.zeros(shapes.shape[1])
@@ -285,11 +283,8 @@ def _static_state_strain(at: ColumnFunction, structure: Structure, shapes: Array
 def with_pair_columns(
     at: ColumnFunction, structure: Structure, history: AnyHistory, body: str, shapes: Array
 ) -> Array:
-    """Strains or stresses (…, B) of a body's `shapes`, second-order ones included.
-
-    The last columns of a body that stretches are those of pairs of its modes. `at`: as in
-    `_static_state_strain`.
-    """
+    """Strains or stresses (…, B) of a body's `shapes`, second-order ones included, last those of
+    pairs of modes that stretch; `at` as in `_static_state_strain`."""
     forces = stretch_of_motion(history, body)
     if forces is None:
         linear = at(shapes, False)
@@ -415,8 +410,7 @@ def reactions(
     scene = history.assembly.scene
     if stretch_of_motion(history, body) is not None:
         raise InputError(
-            "reactions of a part that stretches as it bends are not computed: extract its model "
-            "without stretch, whose reactions are those of linear theory."
+            "reactions of a part that stretches are not computed: extract without stretch."
         )
     if scene.base is not None:
         raise InputError("reactions under a moving ground (Base) are not implemented.")
@@ -446,8 +440,7 @@ def reactions(
     undamped = modes_with_shapes(history, body).damping is None
     if sum(tau is not None for tau, _ in terms) != len(springs) or (terms and undamped):
         raise InputError(
-            "the damping of the model is not that of the structure: take the model as `extract`"
-            " returns it."
+            "the damping is not that of the structure: take the model as `extract` returns it."
         )
 
     for tau, by_motion in terms:

@@ -271,11 +271,8 @@ class ExcludedZones(NamedTuple):
         return np.asarray(cKDTree(sharp).query(points)[0] <= self.distance)
 
     def judged_mask(self, points: Array, known: BoolArray) -> tuple[BoolArray, str]:
-        """(mask (P,) of the `known` points that are judged, the same in words).
-
-        `known`: mask of points with a value, of which one at least is judged: a zone that has all
-        is ignored.
-        """
+        """(mask (P,) of the `known` points that are judged, the same in words); a zone with all is
+        ignored."""
         radii = sorted(zone.ball[3] for zone in self.contacts)
         ends = dict.fromkeys(engineering(radius, "m", 2) for radius in (*radii[:1], *radii[-1:]))
         of_contacts = f"{PLASTIC_ZONE_RADII:g} radii of the contact ({' to '.join(ends)})"
@@ -328,11 +325,8 @@ class NodalExposures(NamedTuple):
 
 
 def judged_margin(criterion: str, nodes: NodalExposures, zones: ExcludedZones) -> Margin | None:
-    """The margin of the worst node outside the zones; None if no exposure is above zero.
-
-    There is no bar if the stress of the node with the largest upper bound differs by half of itself
-    between cells, or if the cells do not resolve a contact.
-    """
+    """The margin of the worst node outside the zones, None if no exposure is above zero; no bar
+    where cells differ by half of the stress or do not resolve a contact."""
     counts, scope = zones.judged_mask(nodes.points, nodes.exposure > 0)
     if not counts.any():
         return None

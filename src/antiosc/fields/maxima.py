@@ -69,11 +69,8 @@ class BodyMotion:
 def search_of(
     history: AnyHistory, body: str, derivative: int, times: Array, *, given: bool, static: bool
 ) -> MaximumSearch:
-    """A function that finds the largest values over a run of a history; see `searched_maxima`.
-
-    `derivative`: of the motion; `given`: at `times` alone; `static`: one more column has the factor
-    1.
-    """
+    """A function for `searched_maxima` over a run of a history, or `given` times; with `static` one
+    more column has the factor 1."""
 
     def factors(at: Array) -> Array:
         """Factors (k, B) of the columns at times (k,) [s]."""
@@ -109,11 +106,9 @@ def searched_maxima(
     counted: BoolArray,
     bounded: bool = True,
 ) -> tuple[Array, Array, float | None]:
-    """(largest value (S,) of a scalar, its time (S,) [s], bound on what is missed or None).
-
-    `columns`: components (S, c, B) for unit factors; `scalar`: function, components (S, n, c) ->
-    (S, n); `counted`: mask (S,) of the nodes whose values decide the time step.
-    """
+    """(largest value (S,), its time (S,) [s], bound on what is missed or None) of a `scalar`, (S,
+    n, c) -> (S, n), of components `columns` (S, c, B); `counted` (S,): nodes that decide the
+    step."""
     if not len(columns):  # they are those of another rank
         return np.zeros(0), np.zeros(0), 0.0
 

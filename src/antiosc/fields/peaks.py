@@ -395,12 +395,8 @@ class NodalMaxima:
     def add(
         self, nodes: IntArray, found: tuple[Array, Array, float | None], strength: float, ply: int
     ) -> None:
-        """Replace maxima at `nodes` (S,) by larger ones: values (S,) at times (S,), error in
-        `found`.
-
-        `strength`: by which the values are judged, nan: unknown; `ply`: number of the place in the
-        ply.
-        """
+        """Replace maxima at `nodes` (S,) by larger ones `found`; `strength`: nan if unknown; `ply`:
+        its number."""
         values, times, error = found
         if error is not None:
             self.error = max(self.error or 0.0, error)
@@ -488,10 +484,8 @@ def _excluded_zones(
     r0: float | None,
     held: Array,
 ) -> ExcludedZones:
-    """Places where no margin is judged: near edges, on solids only; at contacts, except on beams.
-
-    The stresses of beams are exact at contacts. `held` (n, 3): points [m] of rigid supports.
-    """
+    """Places where no margin is judged: near edges of solids and `held` points (n, 3), at contacts
+    but of beams, whose stresses are exact there."""
     module = source(structure)
     families = module.families(structure, part)
     if not families & {"solid", "sheet"}:

@@ -353,14 +353,11 @@ def _filtered_derivative(
     signal: Callable[[AnyHistory, Array], Array],
     derivative: int,
 ) -> Array:
-    """The time derivative of order `derivative` of `signal(history, t)` (n, …), filtered.
-
-    The run is repeated for longer if the filter needs motion after its end. `name`: of the filter.
-    """
+    """Filtered derivative of order `derivative` of `signal(history, t)` (n, …), by a longer run if
+    the filter `name` needs it."""
     if not isinstance(history, RunHistory):
         raise InputError(
-            "a filter needs the motion before and after the times: probe the history of the scene,"
-            " and name the body."
+            "a filter needs motion before and after the times: probe the scene's history with body."
         )
     memory = filter_memory(name)
     end = times.max() + memory

@@ -200,9 +200,8 @@ def _checked_samples(samples: float) -> float:
     """`samples`; InputError for more than `MAX_SAMPLES`."""
     if samples > MAX_SAMPLES:
         raise InputError(
-            f"the signal would have {samples:.3g} samples at equal steps, more than "
-            f"{MAX_SAMPLES:g}: give fewer or lower frequencies, or samples that are not as close "
-            "as its closest ones."
+            f"the signal would have {samples:.3g} samples, more than {MAX_SAMPLES:g}: give fewer "
+            "or lower frequencies, or samples that are not as close."
         )
     return samples
 

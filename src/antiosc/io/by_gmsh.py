@@ -514,9 +514,8 @@ def quiet_session() -> ModuleType:
         raise MissingDependencyError("gmsh is not installed: see `antiosc info`.") from error
     except OSError as error:  # PyPI's gmsh comes without the libraries of the system that it needs
         raise MissingDependencyError(
-            f"gmsh cannot be loaded ({error}): it needs the system's libraries of OpenGL and X, "
-            "on Debian by sudo apt install libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1 "
-            "libgomp1."
+            f"gmsh cannot be loaded ({error}): it needs libraries, on Debian by sudo apt install "
+            "libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1 libgomp1."
         ) from error
 
     # gmsh 4.9 and later catch signals unless told not to

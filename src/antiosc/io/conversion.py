@@ -330,8 +330,7 @@ def _cells_of_blocks(
         unused = np.setdiff1d(all_rows, rows)
         if len(unused):
             raise MeshError(
-                f"{len(unused)} {block.type} elements of {deck.name} use one node several times "
-                "so that they have no volume or area; delete them."
+                f"{len(unused)} {block.type} elements of {deck.name} have no volume: delete them."
             )
         shape = _SIMPLEX_OF_DIMENSION[DIMENSION[block.shape]] if split else block.shape
         if order == 2:
@@ -449,9 +448,8 @@ def known_kind(label: str, name: str) -> str:
     """The kind `label` of cells; MeshError if they can neither be used nor divided."""
     if label not in CELL_TYPES:
         raise MeshError(
-            f"{name} holds {label} cells, which no element here can carry; it must be of lines, "
-            "triangles, quadrilaterals, tetrahedra, hexahedra, wedges or pyramids of geometric "
-            "order 1 or 2."
+            f"{name} holds {label} cells; it must be of lines, triangles, quadrilaterals, "
+            "tetrahedra, hexahedra, wedges or pyramids of geometric order 1 or 2."
         )
 
     return label

@@ -210,8 +210,7 @@ def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> No
 
     if lacks:
         raise MeshError(
-            f"{name} is cut off or damaged: its {len(faces)} triangles leave {unused} of {count} "
-            "corners unused, or lack some."
+            f"{name} is damaged: {unused} of {count} corners of {len(faces)} triangles are unused."
         )
 
 
@@ -291,8 +290,7 @@ def _surface_to_fill(request: Request) -> tuple[Surface, list[list[int]]]:
     surface = read_surface(request)
     if surface.open_edges:
         raise MeshError(
-            f"{request.name} is not closed: {surface.open_edges} of its edges do not belong to two "
-            "triangles; repair it, or read it as a sheet, without solid."
+            f"{request.name} has {surface.open_edges} open edges: repair it, or omit solid."
         )
 
     bodies, pierced = _bodies(surface, request.name)

@@ -259,10 +259,7 @@ def read_pair(
     mass: str | os.PathLike[str],
     names: tuple[str, str] | None = None,
 ) -> MatrixPair:
-    """Read K and M, each from a file in any format.
-
-    `names`: names of K and of M, where their files hold several matrices.
-    """
+    """Read K and M, each from a file in any format; `names`: theirs, where files hold several."""
     pair = (None, None) if names is None else names
     if not isinstance(pair, list | tuple) or len(pair) != 2:
         raise InputError("names must be two, of K and of M: names=('KAA', 'MAA').")
@@ -283,8 +280,7 @@ def read_pair(
     count = len(K.value) + len(M.value)
     if K.size > count:
         raise InputError(
-            f"{K.source} has {K.size:g} rows, but K and M together have {count} entries: is the "
-            "file complete?"
+            f"{K.source} has {K.size:g} rows, but {count} entries with M: is the file complete?"
         )
 
     return MatrixPair(K.matrix(), M.matrix(), labels)
@@ -320,8 +316,7 @@ def _matrix_of(path: str | os.PathLike[str], letter: str, name: str | None) -> E
 
     if len(matching_keys) != 1:
         raise InputError(
-            f"{source.name} holds the matrices {', '.join(matrices)}: say which are K and M, "
-            "names=('KAA', 'MAA')."
+            f"{source.name} holds {', '.join(matrices)}: give names=('KAA', 'MAA') of K and M."
         )
 
     return checked_entries(matrices[matching_keys[0]])
@@ -543,8 +538,7 @@ def _with_coordinates(name: str, table: Array, labels: Labels | None) -> DofMap:
     """The map of the matrices' `labels`, coordinates from rows node, x, y, z of `table`."""
     if labels is None:
         raise InputError(
-            f"{name} has rows of node, x, y, z, but the files do not say which rows of the "
-            "matrices belong to a node: give rows of node, dof, x, y, z."
+            f"{name} must have rows of node, dof, x, y, z: the files do not name the nodes of rows."
         )
 
     place = {node: x for node, *x in table.tolist()}

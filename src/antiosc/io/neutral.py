@@ -112,10 +112,7 @@ class Joints(TypedDict):
 
 
 class Model(TypedDict):
-    """Materials, sections, supports, masses and joints of a deck as JSON values, SI units.
-
-    JSON has lists for the tuples.
-    """
+    """Materials, sections, supports, masses and joints of a deck as JSON values, SI units."""
 
     #: (group of elements, class of antiosc, its arguments, the place in the deck)
     families: list[tuple[str, str, Json, str]]
@@ -320,8 +317,7 @@ class UnitSystem:
 
         names = ", ".join(map(repr, UNIT_SYSTEMS))
         raise InputError(
-            f"unit must be one of {names}, or a number: metres per unit of length; got "
-            f"{shown(unit)}."
+            f"unit must be one of {names}, or metres per unit of length; got {shown(unit)}."
         )
 
     @property

@@ -256,11 +256,8 @@ def reduced_matrices(
     nodes: int | Sequence[int] | None = None,
     dofs: int | str | Sequence[int | str] = 0,
 ) -> ReducedMatrices:
-    """K and M of a model as `AntiOscillators.to_matrices` gives them, (p + N, p + N).
-
-    `stiffness`, `static_mass` (p, p): k0 and m_st; P (p, N), omega (N,) [rad/s]: constraint modes;
-    `nodes`, `dofs`: as in `to_matrices`.
-    """
+    """K and M (p + N, p + N) as of `AntiOscillators.to_matrices`, by k0, m_st (p, p), P (p, N),
+    omega (N,) [rad/s]."""
     from scipy.linalg import block_diag  # takes long to load
 
     from antiosc.io.matrices import component_number
@@ -277,8 +274,7 @@ def reduced_matrices(
     components = components * sites if len(components) == 1 else components
     if len(numbers) != sites or len(components) != sites:
         raise InputError(
-            f"nodes and dofs must name the {sites} site dofs; got {len(numbers)} nodes and "
-            f"{len(components)} dofs."
+            f"nodes and dofs must name {sites} site dofs; got {len(numbers)} and {len(components)}."
         )
 
     # scalar points after the last of them
@@ -429,8 +425,7 @@ class AntiOscillators(ReprMixin, Parameters):
         damping = self.damping
         if self.stretch is not None:
             raise InputError(
-                "a model that stretches keeps its anti-oscillators: extract it with fewer, or"
-                " without stretch."
+                "a model that stretches keeps its anti-oscillators: extract it without stretch."
             )
 
         if isinstance(damping, DampingMatrix):

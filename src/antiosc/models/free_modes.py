@@ -139,8 +139,7 @@ def site_models(
     shift = checks.nonnegative("shift", shift, "rad^2/s^2")
     if not shift and omega[0] == 0:
         raise InputError(
-            "a rigid-body mode (omega = 0) has no static compliance: give a shift > 0, and the"
-            " compliance and inertia of K + shift M."
+            "a rigid-body mode (omega = 0) needs a shift > 0 with compliance and inertia."
         )
 
     count = omega.size + 1 if n is None else min(checks.whole("n", n), omega.size + 1)
@@ -160,11 +159,8 @@ def site_models(
 def residual_parameters(
     omega: Array, b: Array, C: Array, G: Array | None, shift: float = 0.0
 ) -> tuple[Array, Array]:
-    """Compliance r (S,) [m/N] and inertia s (S,) of the modes left out, at S sites.
-
-    omega (J,), b (S, J): the modes; C, G (S,): compliance and inertia of all modes. s = 0 if the
-    modes left out have no mass, r = 0 if there are none.
-    """
+    """Compliance r (S,) [m/N] and inertia s (S,) of what modes omega (J,), b (S, J) leave out of C,
+    G (S,), those of all modes; s = 0 if it has no mass, r = 0 if there is nothing."""
     x = omega**2 + shift
     modal = b**2 @ (1 / x)
     heavy = b**2 @ (1 / x**2)
@@ -173,9 +169,8 @@ def residual_parameters(
     if np.any(r < -RESIDUAL_ROUNDING * C):
         worst = int(np.argmin(r / C))
         raise InputError(
-            f"the free modes have a larger static compliance than the structure at site {worst}: "
-            f"{modal[worst]:.6g} m/N against {C[worst]:.6g} m/N; give the static compliance of the "
-            "same structure and site."
+            f"at site {worst} the free modes have a static compliance of {modal[worst]:.6g} m/N, "
+            f"above that of the structure, {C[worst]:.6g} m/N: give that of the same site."
         )
 
     r = np.where(r <= RESIDUAL_ROUNDING * C, 0.0, r)
@@ -247,11 +242,8 @@ MASSLESS_ROOT = 1e-12
 def model_parameters(
     omega: Array, b: Array, r: Array, s: Array, n: int, shift: float
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """(k0 (S,), m0 (S,), m_st (S,), omega (S, n), m (S, n)) of the models of S sites.
-
-    omega (J,), b (S, J): free frequencies and displacements of the sites in the modes; r, s (S,):
-    as `residual_parameters` gives them; n, shift: as for `from_free_modes`.
-    """
+    """(k0 (S,), m0 (S,), m_st (S,), omega (S, n), m (S, n)) of the models of S sites, by their
+    modes and `residual_parameters` r, s (S,); n, shift as of `from_free_modes`."""
     heavy = s > 0
     truncated_pole = np.where(heavy, r / np.where(heavy, s, 1.0), omega[-1] ** 2 + shift)
     A = np.column_stack([np.broadcast_to(omega**2 + shift, b.shape), truncated_pole])

@@ -69,8 +69,7 @@ class Damping(FieldsRepr):
         largest = float(ratios.max())
         if largest >= 1:
             raise InputError(
-                f"a damping ratio must be below 1, the critical damping: 0.05 is 5 %; got"
-                f" {largest:g}."
+                f"a damping ratio must be below 1 (critical; 0.05 is 5 %); got {largest:g}."
             )
 
         if largest > UNUSUAL_DAMPING:
@@ -159,8 +158,7 @@ class ModalBase(ReprMixin):
             damping = checks.instance("damping", self.damping, DampingMatrix, "a DampingMatrix")
             if damping.n != size or (self.decay is not None and self.decay.any()):
                 raise InputError(
-                    f"damping needs a matrix of the {size} modes, and no decay beside it; got one "
-                    f"of {damping.n}."
+                    f"damping needs a matrix of {size} modes and no decay; got one of {damping.n}."
                 )
 
         if self.inertia is not None:
@@ -284,8 +282,7 @@ class ModalBase(ReprMixin):
             return np.zeros(self.omega.size)
         if self.B.shape[1] != 1:
             raise InputError(
-                f"a number is the velocity of one column, and this body has {self.B.shape[1]}: give"
-                " a Motion of velocity and spin."
+                f"a number is the velocity of one column, here {self.B.shape[1]}: give a Motion."
             )
 
         rigid_b = np.where(self.omega == 0, self.B[:, 0], 0.0)
@@ -308,9 +305,8 @@ class ModalBase(ReprMixin):
         """Modal velocities (J,) of a motion; InputError if supports restrain it."""
         if self.inertia is None:
             raise InputError(
-                "the model of this body has no rigid-body inertia (the body is supported, or the "
-                "model was made by hand or from matrices): give its velocity as a number, along "
-                "the direction of impact."
+                "this body has no known rigid-body inertia: give its velocity as a number, along "
+                "the impact."
             )
 
         start, lost = self._rigid_projection(self.inertia, motion.at(self.inertia))

@@ -137,8 +137,7 @@ class Motion(FieldsRepr):
             names = ("along x", "along y", "along z", "about x", "about y", "about z")
             impossible = ", ".join(n for n, bad in zip(names, massless, strict=True) if bad)
             raise InputError(
-                f"the body has no motion {impossible} (a plane body moves only along x and y and"
-                " about z); leave it out of the Motion."
+                f"the body has no motion {impossible} (a plane body has x, y and rz): leave it out."
             )
 
         return motion

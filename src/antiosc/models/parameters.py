@@ -146,10 +146,8 @@ class Parameters(Body):
 
     @property
     def mass_shares(self) -> Array:
-        """Shares (N,) of the anti-oscillators in the static mass, m_i/m_st.
-
-        Several sites: tr(m_st^-1 m_i)/p, whatever combinations of the sites are taken.
-        """
+        """Shares m_i/m_st (N,) of the anti-oscillators; of several sites tr(m_st^-1 m_i)/p,
+        invariant."""
         P = self.inertias
         static = self.m0_matrix + P @ P.T
         scale = 1 / np.sqrt(np.maximum(static.diagonal(), np.finfo(float).tiny))
@@ -170,11 +168,8 @@ class Parameters(Body):
 
 
 def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array | None:
-    """Participation of psi_0, psi_i from that of lambda_0, lambda_i (`sign` 1; Article eq. (8)).
-
-    `sign` -1: the reverse. `values` (N + 1,) or None; those of named `sites` are returned
-    unchanged.
-    """
+    """Participation of psi_0, psi_i from that of lambda_0, lambda_i (Article eq. (8)), or with
+    `sign` -1 the reverse; named sites: unchanged."""
     if values is None or sites:
         return values
     values = np.array(values)
@@ -185,10 +180,8 @@ def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array 
 def parameters_by_name(
     sites: Sequence[str], *, k0: Array, m0: Array, P: Array, **of_sites: Any
 ) -> Any:
-    """Parameters of `AntiOscillators` by name; matrices become numbers if `sites` is empty.
-
-    Then `m` takes the place of P, and values along the axes are taken along its direction.
-    """
+    """Parameters of `AntiOscillators` by name; without `sites` m takes the place of P, matrices are
+    numbers, and values along axes are those along its direction."""
     if sites:
         return {"sites": sites, "k0": k0, "m0": m0, "P": P, **of_sites}
 
@@ -244,15 +237,13 @@ def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> Param
         value = getattr(model, name)
         if not (value is None or (isinstance(value, dict) and not value)):
             raise InputError(
-                f"{name} belongs to a model of several sites: give its P and the names of its "
-                "sites too."
+                f"{name} belongs to a model of several sites: give its P and names of sites too."
             )
 
     m = checks.positives("m", model.m, "kg")
     if m.shape != omega.shape:
         raise InputError(
-            f"m and omega must have one entry per anti-oscillator;"
-            f" got {m.size} masses and {omega.size} frequencies."
+            f"m and omega need one entry per anti-oscillator; got {m.size} and {omega.size}."
         )
 
     m0 = checks.number("m0", model.m0, "kg")
@@ -263,8 +254,7 @@ def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> Param
     checks.nonnegative("m0", m0, "kg")
     if total == 0 and k0 == 0:
         raise InputError(
-            "a model with m0 = 0, k0 = 0 and no anti-oscillator has neither mass nor "
-            "stiffness; give it one."
+            "a model with m0 = 0, k0 = 0 and no anti-oscillator has neither mass nor stiffness."
         )
 
     radius = None if model.radius is None else checks.positive("radius", model.radius, "m")
@@ -332,10 +322,8 @@ def _checked_at_sites(model: Parameters, omega: Array, order: Index) -> Paramete
 def _checked_symmetric(
     name: str, matrix: Array, sizes: Array, asymmetry: float, least: float
 ) -> Array:
-    """Symmetric part of `matrix`; InputError for asymmetry, or an eigenvalue below `least`.
-
-    `sizes` (p,): roots of the usual size of its diagonal, by which these limits are scaled.
-    """
+    """Symmetric part of `matrix`; InputError for asymmetry, or an eigenvalue below `least`, scaled
+    by `sizes` (p,), roots of its usual diagonal."""
     unit, uneven = checks.scaled_symmetric(matrix, sizes)
     if uneven > asymmetry:
         raise InputError(f"{name} must be symmetric.")
@@ -380,10 +368,8 @@ def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
 
 
 def _spatial(model: Parameters, rows: Index) -> ParameterDict:
-    """Checked shapes, momenta and hidden motions, with shapes in the order `rows`; else InputError.
-
-    The momenta of the hidden motions follow those of the shapes.
-    """
+    """Checked shapes, in the order `rows`, momenta, those of hidden motions last, and hidden
+    motions; else InputError."""
     stored: ParameterDict = {}
     in_order = np.array_equal(rows, np.arange(rows.size))
     if model.shapes is not None:
@@ -422,8 +408,7 @@ def sorted_damping(model: Parameters, damping: DampingMatrix, omega: ArrayLike) 
         )
     if not model.sites and not model.m_st > 0:
         raise InputError(
-            "a model without mass has no motions that a DampingMatrix could brake: give it a mass,"
-            " m0 or m."
+            "a model without mass has no motions for a DampingMatrix: give it a mass, m0 or m."
         )
 
     order = np.argsort(np.asarray(omega, dtype=float), kind="stable")
@@ -454,11 +439,8 @@ NO_ESTIMATE_MESSAGE = (
 
 
 def has_error_bars(model: object) -> bool:
-    """Whether impacts on a model have error bars.
-
-    It needs a known error of the mesh (or the reason why it is not known), noise of a measurement,
-    or second-order modes.
-    """
+    """Whether impacts have error bars: by a known mesh error (or why not), noise, or second-order
+    modes."""
     if not isinstance(model, Parameters):
         return False
     info = model.info
@@ -513,11 +495,8 @@ def softened_model(model: ModelType) -> ModelType:
 
 
 def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Array, Array, Array]:
-    """(k0 (p, p), static shapes' share in the modes (N, p), omega (N,), modes (N, N)), softened.
-
-    In modes of unit mass; E (p + N, p + N): energies of the strain errors; `rigid`: number of
-    motions of the sites without strain.
-    """
+    """(k0 (p, p), static shapes' share (N, p), omega (N,), modes (N, N)), softened by energies E (p
+    + N, p + N) of the strain errors, `rigid` motions of sites excepted."""
     from scipy.linalg import block_diag  # takes long to load
 
     p = len(k0)
@@ -536,10 +515,8 @@ def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Arr
 
 
 def energy_error(model: Parameters, E: Array, weights: Array) -> float:
-    """Share of the strain energy that the strain errors have, of energies E (p + N, p + N).
-
-    weights : (p + N, p + N), sum of a aᵀ of the amplitudes a of the shapes.
-    """
+    """Strain errors' share of the strain energy, by energies E and `weights` Σ a aᵀ of amplitudes a
+    (p + N, p + N)."""
     energy = float(np.sum(weights * model.stiffness))
     if energy > 0:
         return float(np.sum(weights * E)) / energy

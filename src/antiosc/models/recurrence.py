@@ -65,10 +65,8 @@ class ReferenceModes:
         return np.eye(len(self.inertia)) - self.shift * self.inertia
 
     def drive(self, damping: Damping, lag: Array) -> Array:
-        """Factors (k, 5, J) of M^(1/2) W (f'' + αf' - sf + …) by q, q', modal force, and two rates.
-
-        lag : (J,) q'' = force - ω²q - 2 decay q' - lag (ω²q' - the force's rate).
-        """
+        """Factors (k, 5, J) of M^(1/2) W (f'' + αf' - sf + …) by q, q', modal force, two rates;
+        `lag` (J,): q'' = force - ω²q - 2 decay q' - lag (ω²q' - force's rate)."""
         s, stiff = self.shift, self.omega**2 + self.shift
         by_v = damping.beta * stiff + 2 * _damping_ratio(damping) * self.omega + lag * self.omega**2
         by: dict[int, Array | float] = {
@@ -164,11 +162,8 @@ def recurrence_of(
     shift: float,
     dropped: float | None,
 ) -> Recurrence | None:
-    """The recurrence with start = VᵀMΦ and H = VᵀMV, as far as blocks couple with neighbours alone.
-
-    None if not even the first do. `ends`: number of vectors up to the end of each block. `dropped`:
-    length of the next vector, if rounding alone is left of it at one site.
-    """
+    """The recurrence with start = VᵀMΦ and H = VᵀMV, of blocks up to `ends` that couple with
+    neighbours alone, or None; `dropped`: length of a next vector of rounding alone."""
     size_of = np.sqrt(np.maximum(H.diagonal(), 0.0))  # of V; the next lines by Cauchy and Schwarz
     beside = np.abs(H / size_of.max())
     for first, last in zip((0, *ends), (*ends[1:], len(H)), strict=False):

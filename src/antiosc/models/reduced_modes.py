@@ -36,11 +36,8 @@ MASSLESS_RATIO = 1e-15
 
 
 def free_modes(model: Parameters) -> ModalBody | SiteModes:
-    """The free modes of a model, hidden rigid-body motions first, so that frequencies ascend.
-
-    The coordinates are lambda for one site without a name, u and eta for several, then the
-    amplitudes of the hidden motions.
-    """
+    """The free modes of a model, hidden rigid ones first, in lambda (one site without a name) or u
+    and eta (several), then amplitudes of the hidden motions."""
     p, hidden = model.n_sites, model.hidden_count
     of_lambda, to_shapes = _coordinates(model)
 

@@ -189,6 +189,5 @@ def refuse_stretch(bodies: Mapping[str, object]) -> None:
     for name, body in bodies.items():
         if stretch_of(body) is not None:
             raise InputError(
-                f"{name!r} stretches, which simulate and Scene.run alone take: for this extract it"
-                " without stretch."
+                f"{name!r} stretches, for simulate and Scene.run alone: extract it without stretch."
             )

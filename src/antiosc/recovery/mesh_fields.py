@@ -48,10 +48,8 @@ POINTS_AT_ONCE = 4096
 def tensors_of_part(
     part: MeshedStructure, shapes: Array, quantity: str, place: Place, materials: Sequence[int]
 ) -> tuple[IntArray, IntArray, Array]:
-    """(nodes (S,), materials (S,), components (S, 6, columns)) of tensors of a part on this rank.
-
-    `materials`: numbers of those that count. All ranks must call it.
-    """
+    """(nodes (S,), materials (S,), components (S, 6, columns)) of a part's tensors on this rank, of
+    these `materials`; all ranks call it."""
     mesh = part.mesh
     shapes = compat.with_ghosts(part.form.space, shapes)
     evaluate = evaluator(part, quantity, place)
@@ -99,10 +97,8 @@ def _at_nodes_of(
     evaluate: Callable[[PointsInCells], Array],
     factors: Array | None = None,
 ) -> Array:
-    """Components (cells · nodes, 6, columns) of tensors at all nodes of `cells`.
-
-    `factors`: as of `PointsInCells`.
-    """
+    """Components (cells · nodes, 6, columns) of tensors at all nodes of `cells`; `factors` as of
+    `PointsInCells`."""
     X = part.mesh.geometry.reference_nodes
     places = np.repeat(cells, len(X)), np.tile(X, (len(cells), 1))
     tensors = evaluate(PointsInCells(part, shapes, *places, factors))
@@ -273,10 +269,7 @@ def recovered(
 def _refuse_relaxing(structure: Structure, quantity: str) -> None:
     """InputError for stresses and section forces if a material relaxes."""
     if quantity in ("stress", "section_forces") and relaxes(structure):
-        raise InputError(
-            f"the {quantity.replace('_', ' ')} of materials that relax (prony) is not "
-            "computed: probe the strain, or leave prony out."
-        )
+        raise InputError(f"{quantity.replace('_', ' ')} with prony is not known: probe the strain.")
 
 
 def relaxes(structure: Structure) -> bool:
@@ -485,11 +478,8 @@ ESTIMATED_KINDS = {"solid", "sheet"}
 def stress_jumps(
     structure: Structure, shapes: Array, factors: Array, part: str | None = None
 ) -> Array | None:
-    """Estimated errors (P,) [Pa] of von Mises stress at the points of `at_nodes`, on rank 0.
-
-    None if no part has an estimate. `factors` (P, columns): of the shapes, at each point's own
-    time.
-    """
+    """Estimated errors (P,) [Pa] of von Mises stress at points of `at_nodes` on rank 0, None
+    without an estimate; `factors` (P, columns) at each point's own time."""
     if not families(structure, part) & ESTIMATED_KINDS:
         return None
     parts = with_parts(structure).fields(shapes, part)

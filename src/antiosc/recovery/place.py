@@ -127,10 +127,7 @@ def layers_of(material: object) -> Sequence[Layer]:
 
 
 def strength_of(material: object, place: Place) -> AnyStrength:
-    """Strength of a material at a place: yield strength, `TensileStrength` or a layer's.
-
-    None: unknown.
-    """
+    """Strength of a material at a place, None: unknown: yield, `TensileStrength` or a layer's."""
     layers = layers_of(material)
     if not layers:
         tensile = getattr(material, "tensile", None)

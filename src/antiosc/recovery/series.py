@@ -49,8 +49,7 @@ def with_pvd(path: str | os.PathLike[str]) -> Path:
     target = path if path.suffix.lower() == ".pvd" else path.with_name(f"{path.name}.pvd")
     if not target.stem.isprintable():
         raise InputError(
-            f"a series cannot be named {checks.shown(target.stem)}: XML has no word for one of its "
-            "characters."
+            f"the name of a series, {checks.shown(target.stem)}, has a character that XML lacks."
         )
 
     return target

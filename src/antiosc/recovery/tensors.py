@@ -122,11 +122,8 @@ class PointsInCells:
         return np.einsum("pf,pfck->pck", table, dofs, optimize=True)
 
     def slopes(self, dofs: Array, inverse: Array | None = None) -> Array:
-        """Derivatives (P, components, tdim, columns) by reference coordinates.
-
-        `inverse` (P, tdim, d): inverse Jacobians; then (P, components, d, columns) by d
-        coordinates.
-        """
+        """Derivatives (P, components, tdim, columns) by reference coordinates; with inverse
+        Jacobians (P, tdim, d) (P, components, d, columns) by d coordinates."""
         tdim = self.part.mesh.tdim if inverse is None else inverse.shape[2]
         if not len(self.X):
             return np.zeros((0, dofs.shape[2], tdim, dofs.shape[3]))
@@ -376,10 +373,8 @@ class Strains(NamedTuple):
 
 
 class SheetAxes:
-    """Directions of 0° (default: x along the sheet, or y) and top sides of the cells of a part.
-
-    All ranks must construct it.
-    """
+    """Directions of 0° (default: along x, or y) and top sides of a part's cells; all ranks
+    construct it."""
 
     def __init__(self, part: MeshedStructure) -> None:
         self.axis, self.side = part.axes_and_sides
@@ -465,8 +460,7 @@ def _layers(sheet: Sheet) -> list[Layer]:
         return list(sheet.layers)
     if isinstance(sheet, GivenSheet):
         raise InputError(
-            "the stresses in a shell that is given by its stiffnesses are not known; probe section "
-            "forces instead."
+            "a shell given by its stiffnesses has no known stresses; probe section forces instead."
         )
 
     return [Layer.isotropic(sheet.E, sheet.nu, sheet.rho, sheet.thickness)]  # type: ignore[attr-defined]
@@ -481,8 +475,7 @@ def _layer_and_height(sheet: Sheet, place: Place) -> tuple[int, float]:
     if place.layer is not None:
         if place.layer >= len(layers):
             raise InputError(
-                f"layer must be below {len(layers)}, the number of layers (0 is the lowest); got "
-                f"{place.layer}."
+                f"layer must be below {len(layers)} (0 is the lowest); got {place.layer}."
             )
         k = place.layer
         low = float(z[k])

@@ -78,11 +78,8 @@ MOST_POINT_ROWS = 24
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """Constraint rows C (m, n + k) of an elimination.
-
-    `pivot` (m,): dof for which each row is to be solved, -1: any; `owner` (m,): its index in
-    `labels`.
-    """
+    """Constraint rows C (m, n + k): each is to be solved for its `pivot` (-1: any), and its `owner`
+    is an index in `labels`."""
 
     C: Sparse
     pivot: IntArray
@@ -176,10 +173,8 @@ def _solved(system: _System) -> tuple[Sparse, IntArray, Counter[str]]:
 
 
 def _triangular_rounds(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]:
-    """([(rows, dofs for which they are solved)] by rounds, remaining rows).
-
-    A row is solved for a dof that no other row of its round, or of a later one, contains.
-    """
+    """([(rows, dofs for which they are solved)] by rounds, remaining rows). No other row of its
+    round, or of a later one, contains the dof of a row."""
     rounds: list[tuple[IntArray, IntArray]] = []
     remaining = np.arange(system.C.shape[0])
     while len(remaining):
@@ -320,9 +315,8 @@ def _check_satisfied(system: _System, T: Sparse) -> None:
     worst = int(np.argmax(error))
     if error[worst] > CONSTRAINT_ERROR:
         raise AccuracyError(
-            f"the constraints of {system.names(np.array([worst]))} are satisfied only to "
-            f"{error[worst]:.1e} (limit {CONSTRAINT_ERROR:.0e}): they are nearly dependent on "
-            "others."
+            f"the constraints of {system.names(np.array([worst]))}, nearly dependent on others, "
+            f"have an error of {error[worst]:.1e} (limit {CONSTRAINT_ERROR:.0e})."
         )
 
 
@@ -542,8 +536,7 @@ def _check_joined(
         has_pieces = sum(body.name == body_k.name for body in bodies) > 1
         piece = f"a piece at {point_text(body_k.centre)} of " if has_pieces else ""
         raise InputError(
-            f"{piece}the part {body_k.name!r} is joined to nothing else: add a joint, or leave it "
-            "out."
+            f"{piece}the part {body_k.name!r} is joined to nothing else: join it, or leave it out."
         )
 
 
@@ -562,8 +555,7 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
             return point.functionals[np.flatnonzero(np.diff(point.functionals.indptr))]
         if absent := point.lacking(names):
             raise InputError(
-                f"the support {support.label} fixes {', '.join(absent)}, which this site does "
-                "not have."
+                f"the support {support.label} fixes {', '.join(absent)}, which the site lacks."
             )
         return point.components(names)
 
@@ -609,8 +601,7 @@ def _point_motions(layout: Layout, where: str | Sequence[float]) -> list[PointMo
     if not isinstance(where, str):
         if len(where) < 3 and not layout.plane:
             raise InputError(
-                f"the point {shown(where)} of a mass, spring or damper has {len(where)} coordinates"
-                " in an assembly in space: give x, y and z."
+                f"the point {shown(where)} of an attachment in an assembly needs x, y and z."
             )
         x = in_space(where)
         (place,) = places_at(layout.members.values(), x[None])

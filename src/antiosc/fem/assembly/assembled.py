@@ -453,10 +453,8 @@ def group_of(matrices: PartsMatrices, name: str, what: str = "point") -> tuple[M
 def point_on_parts(
     matrices: PartsMatrices, point: Sequence[float] | str | None, part: str | None, node: int | None
 ) -> tuple[Array, str | None, PointMotion | None]:
-    """(coordinates (3,) [m], part or None, motion of a point without a mesh or None).
-
-    The point is given by coordinates, by name, or by the number of a node in its file.
-    """
+    """(coordinates (3,) [m], part or None, motion without a mesh or None) of a point by
+    coordinates, by name, or by the number of a node in its file."""
     if node is not None:
         for member in matrices.members(part):
             mesh = member.part.mesh

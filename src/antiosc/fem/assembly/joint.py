@@ -222,10 +222,7 @@ class Eliminated:
 
 
 class Joint(Checked):
-    """A joint between parts: linear constraints, springs and masses.
-
-    `name` is its name in messages.
-    """
+    """A joint between parts, by name in messages: linear constraints, springs and masses."""
 
     name: str | None
     #: whether its constraints are made after those of other joints

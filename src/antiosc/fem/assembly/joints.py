@@ -120,8 +120,7 @@ class _Axis(_Pin):
         free_rotation = self._turns_about_axis
         if layout.plane and abs(rotated - free_rotation) > COINCIDENT_SHARE:
             raise InputError(
-                f"{label}: plane parts rotate about z and slide along x and y; the axis "
-                f"{tuple(self.axis)} allows neither."
+                f"{label}: plane parts turn about z, slide along x and y, not {tuple(self.axis)}."
             )
 
         return super().constraints(layout, earlier, label)
@@ -165,10 +164,8 @@ EndMotion: TypeAlias = tuple[End, PointMotion]
 def motions_at(
     layout: Layout, label: str, ends: Sequence[EndMotion], point: Sequence[float] | None
 ) -> list[EndMotion]:
-    """For each end, the motion of `point` (None: the point of the first end) rigidly tied to it.
-
-    InputError for an end without rotation away from the point.
-    """
+    """For each end, the motion of `point` (None: the point of the first end) rigidly tied to it;
+    InputError for an end without rotation away from the point."""
     x = ends[0][1].point if point is None else in_space(point)
     result = []
     for end, end_motion in ends:
@@ -181,8 +178,7 @@ def motions_at(
         if not end_motion.has_rotations(layout.rotations if layout.plane else across):
             raise InputError(
                 f"{label} lies {length:.3g} m away from {end_text(end)}, which has no rotation to "
-                "carry it there: points of solids do not rotate; give a group of faces, or a point "
-                "where the joint is."
+                "carry it there: give a group of faces, or a point where the joint is."
             )
         result.append((end, end_motion.at(x)))
 
@@ -244,8 +240,7 @@ class Equation(Joint):
             if end_motion.lacking([component]):
                 raise InputError(
                     f"{label}: {end_text(end)} has no component {component!r}; points of solids "
-                    "have no rotations, plane parts move along x and y, a site of a model along "
-                    "its direction."
+                    "have no rotations."
                 )
             total = total + coefficient * row
 
@@ -266,8 +261,7 @@ def _checked_term(term: object) -> tuple[End, str, float]:
     end, component, coefficient = term
     if not isinstance(component, str) or component not in DISPLACEMENTS + ROTATIONS:
         raise InputError(
-            f"a component must be one of {', '.join(DISPLACEMENTS + ROTATIONS)}; "
-            f"got {shown(component)}."
+            f"a component is one of {', '.join(DISPLACEMENTS + ROTATIONS)}; got {shown(component)}."
         )
 
     return checked_end("end", end), component, number("a coefficient", coefficient)
@@ -472,10 +466,8 @@ class Mean(Joint):
 
 
 def _fix_idle_rotations(member: Member, nodes: IntArray, leader: PointMotion) -> list[Rows]:
-    """Rows that fix the rotations of `leader` about a line on which all its followers lie.
-
-    They move no follower; followers with rotations need no such rows.
-    """
+    """Rows that fix the rotations of `leader` about a line on which all its followers lie, none
+    with rotations."""
     if member.has_rotations:
         return []
 
@@ -553,10 +545,8 @@ class Bolt(TwoEnds):
 
 
 def beam_matrices(beam: Beam, length: float) -> tuple[Array, Array]:
-    """Stiffness and mass (12, 12) of a beam along x, its height along y; six dofs at each end.
-
-    The shapes of the mass are static: a point moves as the joint of two beams without load would.
-    """
+    """Stiffness and mass (12, 12) of a beam along x, its height along y; shapes of the mass are
+    static."""
     section = beam.section
     inertia = np.diag([section.A * beam.rho] * 3 + [0.0] * 3)
     inertia[3, 3] = beam.rho * (section.I + section.side)
@@ -576,10 +566,8 @@ def beam_matrices(beam: Beam, length: float) -> tuple[Array, Array]:
 
 
 def _beam_stiffness(beam: Beam, length: float) -> Array:
-    """Stiffness (12, 12) of a Timoshenko beam, from the flexibility of its end.
-
-    Przemieniecki, *Theory of Matrix Structural Analysis* (1968), chapter 5.
-    """
+    """Stiffness (12, 12) of a Timoshenko beam, from the flexibility of its end (Przemieniecki,
+    *Theory of Matrix Structural Analysis* (1968), chapter 5)."""
     section = beam.section
     flexibility = np.zeros((6, 6))
     flexibility[0, 0] = length / (beam.E * section.A)

@@ -251,8 +251,7 @@ class Layout:
         """A part with a mesh by its name; InputError, after `prefix`, if there is none."""
         if name in self.condensed:
             raise InputError(
-                f"{prefix}the part {name!r} is a superelement without a mesh: its sites and nodes "
-                "are struck and joined (by Ball, Weld, Hinge, Slider, Bushing, Equation) by name."
+                f"{prefix}{name!r} is a superelement, whose sites and nodes are struck by name."
             )
         if name not in self.members:
             parts = name_list(name, self.names, "its parts")
@@ -415,8 +414,7 @@ def _are_plane(members: Mapping[str, Member], condensed: Mapping[str, Supereleme
         sheet = next(name for name, flat_part in plane.items() if flat_part)
         other = next(name for name, flat_part in plane.items() if not flat_part)
         raise InputError(
-            f"the part {sheet!r} is plane (it moves along x and y) and the part {other!r} moves in "
-            "space: an assembly has parts of one sort; read the mesh with gdim=3."
+            f"{sheet!r} is plane, {other!r} not: an assembly has parts of one sort (gdim=3)."
         )
 
     flat = any(plane.values())
@@ -424,16 +422,14 @@ def _are_plane(members: Mapping[str, Member], condensed: Mapping[str, Supereleme
         along_z = part.places.axes[part.places.kind == MOVE, 2]
         if flat and (np.abs(along_z).max(initial=0.0) > 1e-12 or part.points[:, 2].any()):
             raise InputError(
-                f"the part {name!r} moves in space and the others in their plane: an assembly has "
-                "parts of one sort."
+                f"{name!r} moves in space, others in a plane: an assembly has parts of one sort."
             )
 
     for name, m in members.items():
         R = m.at.rotation
         if flat and (abs(R[2, 2] - 1) > 1e-12 or m.at.shift[2]):
             raise InputError(
-                f"at[{name!r}] moves a plane part out of its plane: rotate it about z and shift it "
-                "along x and y."
+                f"at[{name!r}] of a plane part may rotate about z and shift along x and y only."
             )
 
     return flat
@@ -480,15 +476,13 @@ def _checked_part(name: str, part: object) -> MeshedStructure | Superelement:
         return model_superelement(name, part)
     if not isinstance(part, Structure):
         raise InputError(
-            f"the part {name!r} must be a Structure, or a model of several sites; got "
-            f"{shown(part)}."
+            f"the part {name!r} must be a Structure or a model of several sites; got {shown(part)}."
         )
 
     refuse_prestress(part, f"assemble, of its parts ({name!r}),")
     if part.matrices.assembled:
         raise InputError(
-            f"the part {name!r} is an assembly itself: give its parts and joints instead, or a "
-            "model of its sites."
+            f"the part {name!r} is an assembly: give its parts and joints, or a model of its sites."
         )
     if isinstance(part.matrices, NodalMatrices):
         return matrix_superelement(name, part.matrices)

@@ -304,10 +304,8 @@ class _Projection:
     load: Sparse  # (nodes, points) φ times the weights of the points
 
     def component(self, free: BoolArray, motion: Sparse, layout: Layout, dofs: IntArray) -> Sparse:
-        """One component of the free nodes, from the leader's and from the nodes that are not free.
-
-        `motion` (points, n): the leader's component; `dofs`: those of the component at all nodes.
-        """
+        """One component of the free nodes by the leader's, `motion` (points, n), and the nodes that
+        are not free; `dofs`: those of the component at all nodes."""
         spread, inverse = self._inverted(free)
         right = spread @ self.load @ motion
         fixed_columns = (spread @ self.D).tocsc()[:, ~free]
@@ -459,10 +457,8 @@ def rotation_rows(
     motion: Array | Sparse,
     label: str,
 ) -> Rows:
-    """Constraints by which rotations of nodes, but those about `normals`, follow n × g.
-
-    `motion`: n × g (3 nodes, n).
-    """
+    """Constraints by which rotations of nodes, but those about `normals`, follow n × g, `motion` (3
+    nodes, n)."""
     member = edge.member
     dofs = np.column_stack([layout.dofs(member, nodes, name) for name in ROTATIONS])
     units = normals / np.linalg.norm(normals, axis=1, keepdims=True)

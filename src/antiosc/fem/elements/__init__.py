@@ -322,8 +322,7 @@ def section_of_layers(layers: Sequence[Layer]) -> PlateSection:
     is_list = isinstance(layers, Sequence) and len(layers) > 0
     if not is_list or not all(isinstance(ply, Layer) for ply in layers):
         raise InputError(
-            "layers lists the Layer objects of the stack, at least one, from the bottom to the "
-            f"top; got {shown(layers)}."
+            f"layers lists Layer objects, one at least, bottom first; got {shown(layers)}."
         )
 
     z, powers, Q = _layer_integrals(layers)
@@ -366,10 +365,8 @@ def _transverse_shear(
 
 
 def shear_stresses(layers: Sequence[Layer], which: int, z: float) -> Array:
-    """f (2, 2) [1/m] with (τ13, τ23) = f · shear forces (Q1, Q2) [N/m] at height z [m].
-
-    `which`: the layer at z.
-    """
+    """f (2, 2) [1/m] with (τ13, τ23) = f · shear forces (Q1, Q2) [N/m] at height z [m], in layer
+    `which`."""
     levels, powers, Q = _layer_integrals(layers)
     A, B, D = np.einsum("pl,lij->pij", powers, Q)
     return _equilibrium(levels, Q, A, B, D)(which, z)

@@ -81,8 +81,7 @@ class Beam(Isotropic):
         super().__post_init__()
         if self.offset and self.orientation is None:
             raise InputError(
-                f"offset = {self.offset:g} m is measured along the orientation: give this as well, "
-                "as (0, 0, 1)."
+                f"offset = {self.offset:g} m is along the orientation: give it, as (0, 0, 1)."
             )
 
     def shear_stiffness(self, plane: int, size: float) -> float:
@@ -250,9 +249,8 @@ def height_directions(beam: Beam, axis: Array, middle: Array) -> Array:
     if parallel.any():
         direction_text = shown_direction(beam.orientation)
         raise InputError(
-            f"the orientation{direction_text} is parallel to the axis of {int(parallel.sum())} "
-            "beam elements: choose a direction that is not parallel to any of them, or give these "
-            "elements a separate material."
+            f"the orientation{direction_text} is parallel to {int(parallel.sum())} beam elements: "
+            "choose another direction, or give these a separate material."
         )
     return np.asarray(height / length)
 

@@ -78,8 +78,7 @@ def material(
     if record.G is not None:
         if overrides or thickness is not None or section is not None:
             raise InputError(
-                f"{record.name} has directions: give its constants to "
-                "AnisotropicSolid.orthotropic, or those of a ply to Layer."
+                f"{record.name} has directions: take AnisotropicSolid.orthotropic, or a Layer."
             )
         return AnisotropicSolid.orthotropic(record.E, record.nu, record.G, record.rho)
 

@@ -70,10 +70,8 @@ class SecondOrderStrain(NamedTuple):
     degree: int
 
     def energy(self, u: Expr, initial: Expr | None = None) -> Expr:
-        """Energy density of u beyond ε:C:ε/2 of linear theory; `initial`: a stress-free strain.
-
-        Its second derivative at u is K_σ plus the change of the elastic stiffness.
-        """
+        """Energy density of u beyond ε:C:ε/2 of linear theory, with stress-free strain `initial`;
+        its second derivative at u is K_σ plus the change of the elastic stiffness."""
         strain = self.strain(u)
         eta = self.eta(u, u)
         energy = ufl.inner(self.forces(strain), eta) / 2 + ufl.inner(self.forces(eta), eta) / 8

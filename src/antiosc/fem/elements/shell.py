@@ -175,11 +175,8 @@ def _engineering_strains(e: Expr) -> Expr:
 def energies(
     section: SectionFields, a: SurfaceStrains, b: SurfaceStrains
 ) -> tuple[Expr, Expr, Expr]:
-    """(membrane and drilling, shear, bending) parts of the bilinear energy density (UFL).
-
-    Membrane strains are those of the neutral surface, ε + A⁻¹Bκ, so that each part is
-    non-negative for a = b.
-    """
+    """(membrane and drilling, shear, bending) parts of the bilinear energy density (UFL), each >= 0
+    for a = b: membrane strains are those of the neutral surface, ε + A⁻¹Bκ."""
 
     def stretch(e: SurfaceStrains) -> Expr:
         if section.coupling is None:
@@ -255,10 +252,8 @@ QUADRATIC_POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # those of 
 
 
 def dropped_shear(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
-    """(1 − R)(θ×n) along two tangents (UFL), which the shear strain omits.
-
-    R projects cubics to quadratics with the same moments along edges; n is taken as constant.
-    """
+    """(1 − R)(θ×n) along two tangents (UFL), which the shear strain omits: R projects cubics to
+    quadratics with the same moments along edges; n is taken as constant."""
     inverse = ufl.JacobianInverse(mesh.dolfinx)
     axes = jacobian_columns(mesh)
     third = compat.reference_derivatives(motion, 3)
@@ -387,8 +382,7 @@ class Sheet(Checked):
     def constants(self) -> tuple[float, float, float]:
         """Raise InputError: layers have directions."""
         raise InputError(
-            f"advise needs an isotropic material; got a {type(self).__name__}: give the "
-            "dimensions, and equivalent E, nu, rho of the part."
+            f"advise takes no {type(self).__name__}: give the equivalent E, nu, rho of the part."
         )
 
     @property

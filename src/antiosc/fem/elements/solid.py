@@ -176,10 +176,8 @@ def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
 
 
 def _is_thin(mesh: Mesh) -> bool:
-    """Whether the mesh is so thin that rounding of K's entries spoils its bending stiffness.
-
-    The error is 3e-6 for a plate of 300 × 30 × 1.
-    """
+    """Whether rounding of K's entries spoils the mesh's bending stiffness: by 3e-6 at 300 × 30 ×
+    1."""
     if mesh.gdim != 3 or mesh.n_cells > MOST_THIN_CELLS:
         return False
 
@@ -202,10 +200,8 @@ def voigt_strain(e: Expr) -> Expr:
 
 
 def voigt_stiffness(material: Any, dim: int) -> Array:
-    """Stiffness of a material in Voigt order: (6, 6) [Pa], or (3, 3) [N/m] for `dim` 2.
-
-    In the plane it gives forces per width (σ11, σ22, σ12) t.
-    """
+    """Stiffness of a material in Voigt order: (6, 6) [Pa], or for `dim` 2 (3, 3) [N/m] for forces
+    per width."""
     C = np.asarray(material.voigt)
     if dim == 3:
         return C
@@ -275,8 +271,7 @@ class AnisotropicSolid(FieldsRepr):
         smallest_eigenvalue = float(np.linalg.eigvalsh((C + C.T) / 2).min())
         if not smallest_eigenvalue > 1e-12 * float(np.abs(C).max()):
             raise InputError(
-                "stiffness must be positive definite, else the strain energy is not positive; its "
-                f"least eigenvalue is {smallest_eigenvalue:.3g} Pa."
+                f"stiffness must be positive definite; got {smallest_eigenvalue:.3g} Pa."
             )
 
         store(self, stiffness=read_only((C + C.T) / 2), rho=positive("rho", self.rho, "kg/m³"))
@@ -337,9 +332,8 @@ class AnisotropicSolid(FieldsRepr):
     def half_space_compliance(self, cosine: float) -> float:
         """Raise InputError: the compliance depends on the directions of surface and material."""
         raise InputError(
-            "a site with a radius on an AnisotropicSolid is not supported, for the half-space "
-            "compliance of its patch is not known: leave the radius out, or make the cells "
-            "around the site a Solid."
+            "the patch of an AnisotropicSolid has no known compliance: leave the radius out, or "
+            "make the cells around the site a Solid."
         )
 
     def dimensions(self, box: Box, materials: Sequence[Family]) -> Box:
@@ -354,8 +348,7 @@ class AnisotropicSolid(FieldsRepr):
     def constants(self) -> tuple[float, float, float]:
         """Raise InputError: the material has directions."""
         raise InputError(
-            "advise needs an isotropic material; got an AnisotropicSolid: give the dimensions, and "
-            "equivalent E, nu, rho of the part."
+            "advise needs an isotropic material, not AnisotropicSolid: give equivalent E, nu, rho."
         )
 
 

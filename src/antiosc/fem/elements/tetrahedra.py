@@ -49,13 +49,8 @@ QuadratureRule = tuple[Array, Array, Array]
 
 
 class Cells(ABC):
-    """Cells of one kind, with products by a kernel of the C library.
-
-    Parameters
-    ----------
-    nodes : IntArray (n, 10)
-        Numbers of their nodes on this rank.
-    """
+    """Cells of one kind with `nodes` (n, 10) of this rank; products by a kernel of the C
+    library."""
 
     #: the C functions without their precision: for any u, and for a u that is linear in each cell
     function: str
@@ -80,10 +75,8 @@ class Cells(ABC):
         """The arrays that the argument of the C kernel points to, in double precision."""
 
     def add(self, k: float, m: float, u: Array, out: Array, linear: bool = False) -> None:
-        """Add (k K + m M) u to `out`, both on all dofs of this rank, single or double.
-
-        `linear`: whether u is linear in each cell.
-        """
+        """Add (k K + m M) u to `out`, both on all dofs of this rank; `linear`: u is linear in each
+        cell."""
         if u.dtype not in self._arguments:
             arrays = [array.astype(u.dtype, copy=False) for array in self._arrays]
             addresses = [library.address(array) for array in arrays]
@@ -97,15 +90,8 @@ class Cells(ABC):
 
 
 class StraightCells(Cells):
-    """Straight cells.
-
-    Parameters
-    ----------
-    x : (n, 4 or 10, 3)
-        Their corners first [m].
-    constants : (n, 3)
-        Lamé's constants [Pa] and the density [kg/m³].
-    """
+    """Straight cells: nodes `x` (n, 4 or 10, 3) [m], corners first; `constants` (n, 3) Lamé's [Pa],
+    density [kg/m³]."""
 
     function, function_of_linear = "afe_tetra_product", "afe_tetra_of_linear"
 
@@ -157,17 +143,8 @@ class LinearCells(StraightCells):
 
 
 class CurvedCells(Cells):
-    """Curved cells.
-
-    Parameters
-    ----------
-    x : (n, 10, 3)
-        Their nodes [m].
-    constants : (n, 3)
-        As of `StraightCells`.
-    for_k, for_m : Rule
-        The quadrature of K and of M.
-    """
+    """Curved cells: nodes `x` (n, 10, 3) [m], `constants` as of `StraightCells`, quadrature of K
+    and of M."""
 
     function = function_of_linear = "afe_curved_product"
 
@@ -225,11 +202,8 @@ class CurvedCells(Cells):
 
 
 def _diagonal_blocks(lame: Array, shear: Array, inertia: Array) -> Array:
-    """Diagonal blocks (n, 3, 3) of k K + m M at one node of n cells.
-
-    `lame`, `shear`: ∫ λ grad N ⊗ grad N and ∫ μ grad N ⊗ grad N (n, 3, 3), times k; `inertia`:
-    ∫ ρ N² (n,), times m.
-    """
+    """Diagonal blocks (n, 3, 3) of k K + m M at a node, by k ∫ λ grad N ⊗ grad N, k ∫ μ grad N ⊗
+    grad N (n, 3, 3) and m ∫ ρ N² (n,)."""
     result = lame + shear
     diagonal = np.trace(shear, axis1=1, axis2=2) + inertia
     for a in range(3):
@@ -239,10 +213,8 @@ def _diagonal_blocks(lame: Array, shear: Array, inertia: Array) -> Array:
 
 
 def _mean_gradient_products(slopes: Array, ends: Sequence[int]) -> Array:
-    """Mean (n, 3, 3) of grad N ⊗ grad N in a cell: its integral divided by the volume.
-
-    `slopes` (n, 4, 3): gradients of the barycentric coordinates; `ends`: of `NODE_CORNERS`.
-    """
+    """Mean (n, 3, 3) of grad N ⊗ grad N in a cell, by the `slopes` (n, 4, 3) of barycentric
+    coordinates."""
     g = slopes[:, ends[0]]
     if len(ends) == 1:
         return np.asarray(0.6 * g[:, :, None] * g[:, None])
@@ -374,10 +346,8 @@ class Tetrahedra:
         return result.reshape(-1, 3)
 
     def product(self, x: Array, k: float, m: float, linear: bool = False) -> Array:
-        """(k K + m M) x for a vector or a block of vectors (rows of this rank, columns).
-
-        `linear`: whether x is linear in each cell. The result has the precision of x.
-        """
+        """(k K + m M) x in the precision of x (rows of this rank[, columns]); `linear`: in each
+        cell."""
         if x.ndim == 1:
             return self._of_vector(x, k, m, linear)
         result = np.empty(x.shape, x.dtype, order="F")
@@ -397,10 +367,7 @@ class Tetrahedra:
         return np.zeros(self._dofs + VECTOR_PADDING, dtype)[: self._dofs]
 
     def add(self, k: float, m: float, u: Array, out: Array, linear: bool = False) -> None:
-        """Add (k K + m M) u to `out`, both by `vector`; the values of their ghosts are not read.
-
-        `linear`: whether u is linear in each cell.
-        """
+        """Add (k K + m M) u to `out`, both by `vector`; the values of their ghosts are not read."""
         fixed, fixed_out = u[self._held], out[self._held]
         u[self._held] = 0.0
         out[self.rows :] = 0.0
@@ -436,10 +403,8 @@ class Tetrahedra:
         return self._assembled(self._form, self._conditions, k, m, self.added)
 
     def coarse(self, P: PETSc.Mat, fixed: IntArray) -> Tetrahedra:
-        """Linear elements on these cells, with the added matrices projected by P.
-
-        `fixed`: dofs of this rank.
-        """
+        """Linear elements on these cells, `fixed` dofs of this rank; the added matrices projected
+        by P."""
         result = Tetrahedra(self._mesh, self.linear, self._parts, {})
         result._held = fixed
         result.added = tuple(matrix.ptap(P) if self.carries else matrix for matrix in self.added)

@@ -135,10 +135,8 @@ def _directions_at(name: str, direction: Direction, x: Array) -> Array:
 
 
 def _refuse_parallel(sine: Array, x: Array, what: str) -> None:
-    """Raise InputError for a cell with a sine (cells, points) below LEAST_SINE.
-
-    `x`: nodes of the cells; `what`: which directions are parallel there.
-    """
+    """InputError for a cell (nodes x) with a sine (cells, points) below LEAST_SINE; `what`: of
+    which directions."""
     bad = sine.min(axis=1) < LEAST_SINE
     if bad.any():
         raise InputError(
@@ -153,10 +151,8 @@ def shown_direction(direction: Direction) -> str:
 
 
 def _check_neighbours(mesh: Mesh, x: Array, side: Array, has_sides: BoolArray) -> None:
-    """Raise InputError if neighbouring cells have opposite normals (`side` ±1).
-
-    It concerns unsymmetric stacks without a top, `has_sides`.
-    """
+    """InputError if neighbours have opposite normals (`side` ±1): of unsymmetric stacks without a
+    top."""
     owned = compat.cell_index_map(mesh.dolfinx).size_local
     in_turn = CORNERS_AROUND[mesh.cell]
     number = np.asarray(mesh.dolfinx.geometry.input_global_indices)
@@ -301,8 +297,7 @@ def _checked_prony(name: str, value: object) -> tuple[tuple[float, float], ...]:
         return ()
     if pairs.ndim != 2 or pairs.shape[1] != 2 or not (pairs > 0).all():
         raise InputError(
-            "prony must list pairs (stiffness over the long-term one, relaxation time in s), all "
-            f"> 0; got {shown(value)}."
+            f"prony lists pairs (stiffness ratio, time in s), all > 0; got {shown(value)}."
         )
 
     return tuple((ratio, tau) for ratio, tau in pairs.tolist())

@@ -16,11 +16,8 @@ def solver_for(
     prolongation: Callable[[], Matrix | None] = lambda: None,
     columns: float = 1.0,
 ) -> Solver:
-    """The solver of A named by `choice`.
-
-    `motions`, `prolongation`: as in `Levels`, for multigrid; `columns`: number of loads in one
-    call, where inf requires a direct factor.
-    """
+    """The solver of A by `choice`; `motions`, `prolongation` as in `Levels`; `columns`: loads in
+    one call, inf for a direct factor."""
     if is_scipy(A):
         return SuperLU(A)
     from antiosc.fem.linalg import iterative, solver_choice  # need PETSc

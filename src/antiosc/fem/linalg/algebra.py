@@ -83,10 +83,8 @@ def multiply(matrix: Matrix, x: Array) -> Array:
 
 
 def uses_strains(matrix: Matrix) -> bool:
-    """Whether products with the matrix K are computed as Sᵀ(S x) + rest, not from its entries.
-
-    The matrix S gives the strains of a motion x; see `solver_choice`.
-    """
+    """Whether products with K are computed as Sᵀ(S x) + rest, with strains S x: see
+    `solver_choice`."""
     return not is_scipy(matrix) and bool(_petsc().uses_strains(matrix))
 
 
@@ -107,10 +105,8 @@ def skew(matrix: Matrix) -> Matrix:
 
 
 def fix_rows(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
-    """The matrix with these rows and columns set to zero and `value` on the diagonal.
-
-    `rows` are global numbers of rows of this rank. A PETSc matrix is changed in place.
-    """
+    """The matrix with these global rows and columns zero, `value` on the diagonal; PETSc's is
+    changed in place."""
     if not is_scipy(matrix):
         return _petsc().fix_rows(matrix, rows, value)
 

@@ -65,10 +65,8 @@ class FactoredStructure(Protocol):
 def deflections(
     structure: FactoredStructure, loads: scipy.sparse.csr_matrix, omega: Array, b: Array
 ) -> tuple[Array, Array]:
-    """(bᵀy [m/N], yᵀMy [kg m²/N²]) of y = (K + shift M)⁻¹b for columns b (rows, P), on every rank.
-
-    `omega` (J,), `b` (P, J): the lowest frequencies [rad/s] and the values bᵀφ of their modes.
-    """
+    """(bᵀy [m/N], yᵀMy [kg m²/N²]) of y = (K + shift M)⁻¹b for columns b (rows, P), on every rank,
+    which for modes `omega` (J,) [rad/s] have values bᵀφ `b` (P, J)."""
     solver = structure.factorize()
     if not isinstance(solver, Factorization):
         return _deflections_by_solves(structure, loads)

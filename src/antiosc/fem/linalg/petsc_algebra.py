@@ -167,8 +167,7 @@ def copied_matrix(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
         copy = matrix.convert(PETSc.Mat.Type.AIJ, PETSc.Mat())
     except PETSc.Error as error:
         raise InputError(
-            f"{name} is a PETSc matrix of type {matrix.getType()}, whose entries are not "
-            "accessible: give one of type aij."
+            f"{name}, of PETSc's type {matrix.getType()}, has no entries: give one of type aij."
         ) from error
 
     copy.setAttr(PRODUCT_KEY, matrix.getAttr(PRODUCT_KEY))
@@ -191,10 +190,8 @@ def skew(matrix: PETSc.Mat) -> PETSc.Mat:
 
 
 def fix_rows(matrix: PETSc.Mat, rows: IntArray, value: float) -> PETSc.Mat:
-    """The matrix, changed in place: these rows and columns zero, `value` on the diagonal.
-
-    `rows` are global numbers of rows of this rank; products are then those of the entries.
-    """
+    """The matrix, changed in place: these global rows and columns zero, `value` on the diagonal,
+    products by entries."""
     matrix.setAttr(PRODUCT_KEY, None)
     matrix.zeroRowsColumns(rows.astype(PETSc.IntType), diag=value)
     return matrix

@@ -133,9 +133,8 @@ class SolverByStrains(Solver):
         if not relative_error <= STALLED_ERROR:
             raise AccuracyError(
                 f"a solve stopped at a relative error of {relative_error:.1e} in energy after "
-                f"{MOST_CG_STEPS} steps (limit {STALLED_ERROR:.0e}): for beams this slender with "
-                "elements this short double precision does not resolve the bending stiffness; "
-                "use fewer elements, or support loose parts."
+                f"{MOST_CG_STEPS} steps (limit {STALLED_ERROR:.0e}): for beams this slender use "
+                "fewer elements, or support loose parts."
             )
         return X
 

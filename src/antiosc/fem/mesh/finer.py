@@ -101,8 +101,7 @@ def halved_to_size(size: float, raw: RawMesh, name: str) -> RawMesh:
     count = len(raw.cells) * 2.0 ** (rounds * raw.kind.dim)
     if count > MOST_CELLS:
         raise MeshError(
-            f"{name} has cells of up to {longest:.3g} m: halved to {size:g} m they would be "
-            f"{count:.1e}, more than {MOST_CELLS:.0e}; choose a larger size."
+            f"{name} would have {count:.1e} cells, over {MOST_CELLS:.0e}: choose a larger size."
         )
 
     for _ in range(rounds):
@@ -316,11 +315,8 @@ def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
 
 
 def bisected_once(raw: RawMesh, values: Array) -> tuple[RawMesh, Array]:
-    """The mesh after one bisection of cells with small `values` (cells,), and its new values.
-
-    A value is the wanted size over the present one; all edges of a cell with a value below
-    `DIVIDED_RATIO` are halved, and its parts inherit the value times the old size over the new one.
-    """
+    """The mesh and `values` (wanted over present size (cells,)) after all edges of cells with one
+    below `DIVIDED_RATIO` are halved; parts inherit values times old over new size."""
     arguments = np.ascontiguousarray(raw.cells), raw.points, raw.kind.shape, 1
     old_mesh = compat.create_mesh(MPI.COMM_SELF, *arguments)
     input_cells = np.asarray(old_mesh.topology.original_cell_index)

@@ -190,11 +190,8 @@ SIMPLEX_EDGES = {"triangle": EDGES["triangle"], "tetrahedron": EDGES["tetra"]}
 def _cells_where(
     points: Array, cells: IntArray, shape: str, order: int, fails: Callable[[Array], BoolArray]
 ) -> IntArray:
-    """Numbers of cells for which `fails` is true.
-
-    `fails` maps Jacobian determinants (cells, q) at q points to a mask (cells,); `cells` has nodes
-    in dolfinx's order.
-    """
+    """Numbers of `cells`, nodes in dolfinx's order, whose Jacobian determinants (cells, q) at q
+    points `fails` (-> mask) refuses."""
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
     failed = [np.zeros(0, dtype=bool)]
     for start in range(0, len(cells), CELLS_AT_ONCE):
@@ -215,10 +212,8 @@ def folded_cells(
 
 
 def _along_mean_normal(J: Array) -> Array:
-    """Areas (cells, q) by Jacobians of faces in space, negative where a face turns back.
-
-    They are projected along the mean normal of each face.
-    """
+    """Areas (cells, q) of faces in space along each one's mean normal, negative where a face turns
+    back."""
     normals = np.cross(J[:, :, 0], J[:, :, 1])
     mean = normals.sum(axis=1)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
@@ -272,10 +267,8 @@ def refuse_degenerate(mesh: Mesh) -> None:
 
 
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:
-    """`points` with mid-side nodes of folded cells moved to the middle of their edges.
-
-    This is repeated for neighbours that fold over thereby.
-    """
+    """`points` with mid-side nodes of folded cells moved to the middle of their edges, again for
+    neighbours that fold over thereby."""
     points = points.copy()
     edges = np.array(SIMPLEX_EDGES[shape])
     first = int(edges.max()) + 1

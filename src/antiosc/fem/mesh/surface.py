@@ -106,10 +106,8 @@ def clamped(xi: Array, simplex: bool) -> Array:
 
 
 def pairs_within(centres: Array, reach: Array, points: Array) -> tuple[IntArray, IntArray]:
-    """(numbers of items, numbers of points) of pairs whose distance is at most the item's reach.
-
-    `centres` (n, 3), `reach` (n,): balls of the items; `points` (P, 3).
-    """
+    """(numbers of items, of points) of pairs of balls `centres` (n, 3), `reach` (n,) and `points`
+    (P, 3) in them."""
     if not len(points) or not len(centres):
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
 
@@ -203,10 +201,8 @@ def corners_at(mesh: Mesh, nearest: ClosestPoint) -> Array:
 
 
 def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
-    """(cell (P,), reference coordinates, distance [m] to it) of points (P, 3).
-
-    The distance is inf where no cell of this rank contains the point.
-    """
+    """(cell (P,), reference coordinates, distance [m] to it, inf: none on this rank) of points (P,
+    3)."""
     cell = np.zeros(len(points), dtype=int)
     distance = np.full(len(points), np.inf)
     X = np.zeros((len(points), mesh.tdim))

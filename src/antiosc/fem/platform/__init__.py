@@ -123,8 +123,7 @@ def _comm_of(value: object) -> MPI.Comm | None:
     if MPI is not None and isinstance(value, MPI.Comm):
         if value == MPI.COMM_NULL:
             raise InputError(
-                "comm is MPI.COMM_NULL, of which no process is a part: call this on the ranks of a "
-                "communicator alone."
+                "comm is MPI.COMM_NULL: call this on the ranks of a communicator alone."
             )
         return value
 

@@ -124,10 +124,8 @@ def nodes_between(cell: str) -> list[tuple[list[int], int]]:
 
 
 def name_coordinates(mesh: dolfinx.mesh.Mesh) -> None:
-    """Give a mesh the coordinate element that FFCx 0.5 sets at its first form.
-
-    All forms of the mesh then have one signature, and are compiled once.
-    """
+    """Give a mesh the coordinate element that FFCx 0.5 sets at its first form: all forms of the
+    mesh then have one signature, and are compiled once."""
     if OLD_DOLFINX:
         domain = mesh.ufl_domain()
         (points, *_) = domain.ufl_coordinate_element().sub_elements()
@@ -309,11 +307,8 @@ def edge_points() -> Array:
 
 
 def edge_interpolation(X: Array) -> Array:
-    """Matrix (P, 2, 2, n): Nédélec's field at X (P, 2) that interpolates n vectors.
-
-    The vectors are given at `edge_points`; the second axis is a component of the field, the third
-    of a vector.
-    """
+    """Matrix (P, 2, 2, n): components of Nédélec's field at X (P, 2), by components of n vectors at
+    `edge_points`."""
     element = _edge_element()
     to_moments = np.asarray(element.interpolation_matrix).reshape(element.dim, 2, -1)
     tables = np.asarray(element.tabulate(0, X)[0])  # (points, dofs, 2)
@@ -405,10 +400,8 @@ def assemble(
 def strain_matrix(
     strains: Expr, degree: int, space: fem.FunctionSpace, fixed: Mapping[tuple[int, ...], IntArray]
 ) -> PETSc.Mat:
-    """Matrix S, a row for each component and Gauss point: SᵀS is the integral of |strains|².
-
-    `fixed`: as for `assemble`.
-    """
+    """S, a row for each component and Gauss point: SᵀS is the integral of |strains|²; `fixed` as of
+    `assemble`."""
     mesh = space.mesh
     size = len(strains)
     points = _space(mesh, "Quadrature", degree, size)

@@ -129,11 +129,8 @@ _compiling = threading.RLock()
 
 @contextmanager
 def quiet_compiler() -> Iterator[None]:
-    """Context in which forms are compiled without output; `clock` does not count the time.
-
-    InputError if the cache folder cannot be written or another process does not finish a form;
-    MissingDependencyError without a C compiler.
-    """
+    """Compile forms without output or `clock`; InputError without a writable cache or if another
+    process does not finish a form, MissingDependencyError without a C compiler."""
     try:
         with (
             uncounted(),
@@ -147,8 +144,7 @@ def quiet_compiler() -> Iterator[None]:
             yield
     except (TimeoutError, FileExistsError, ImportError) as error:
         raise InputError(
-            f"a compiled finite element is not complete, or another process has compiled it for "
-            f"{COMPILE_WAIT} s: delete {cache_folder()}, and run again."
+            f"a finite element is not compiled after {COMPILE_WAIT} s: delete {cache_folder()}."
         ) from error
     except VerificationError as error:
         reason = shorten(str(error), 90)
@@ -158,9 +154,8 @@ def quiet_compiler() -> Iterator[None]:
         ) from None
     except OSError as error:
         raise InputError(
-            "compiled finite elements cannot be written to "
-            f"{error.filename or 'their cache folder'} ({error.strerror or error}): set "
-            "XDG_CACHE_HOME, or HOME, to a folder that can be written."
+            f"compiled finite elements cannot be written ({error}): set XDG_CACHE_HOME to a folder "
+            "that can."
         ) from error
 
 

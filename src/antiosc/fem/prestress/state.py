@@ -93,8 +93,7 @@ class LoadedPart:
         self._u = dolfinx.fem.Function(form.space)
         if part.stiffeners:
             raise InputError(
-                "a prestress does not take a sheet with beams on its edges: leave them or the "
-                "prestress out."
+                "a prestress takes no sheet with beams on its edges: leave one of them out."
             )
         self.initial = initial_strain(part, initial)
         stretch = second_order_strain(mesh, part.parts, form.degree)
@@ -112,8 +111,7 @@ class LoadedPart:
         if loads.spin is not None and loads.spin.omega:
             if part.comm.allreduce(bool(part.attached_inertia.any()), op=MPI.LOR):
                 raise InputError(
-                    "a spin acts on the mass of cells alone: mesh what a PointMass stands for, or "
-                    "leave the spin out."
+                    "a spin acts on cells alone: mesh what a PointMass stands for, or omit spin."
                 )
             spin = spin_energy(mesh, part.parts, self._u, loads.spin, form.density)
             of_loads.append(-spin)
@@ -159,8 +157,7 @@ def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
         dim, cells = largest_entities(part.mesh, group)
         if dim != part.mesh.tdim or not isinstance(part.parts[0][0], Beam | Truss):
             raise InputError(
-                f"tension is that of beams and bars; {group!r} is no group of their cells: use "
-                "force={…} on both ends of what pulls."
+                f"tension needs a group of cells of beams or bars, not {group!r}: take force={{…}}."
             )
         strain_of_cells.x.array[cells] += strain
 
@@ -168,10 +165,8 @@ def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
 
 
 def tendon(part: MeshedStructure, name: str) -> tuple[Array, float, float]:
-    """(forces (rows of this rank,), length [m], mean EA [N]) of a group of beams or bars.
-
-    The forces are due to a unit stress-free strain, with the sign of a pull on both ends.
-    """
+    """(forces (rows of this rank,), the sign of a pull on both ends; length [m]; mean EA [N]) of a
+    group of beams or bars by a unit stress-free strain."""
     unit_strain = initial_strain(part, {name: 1.0})
     stretch = second_order_strain(part.mesh, part.parts, part.form.degree)
     dx = measure(part.mesh, stretch.degree)
@@ -309,8 +304,7 @@ def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
     loads = instance("prestress", prestress, Prestress, "a Prestress(spin=…, tension=…, …)")
     if base.rigid_modes.shape[1]:
         raise InputError(
-            f"a prestress needs supports that hold the part: {base.rigid_modes.shape[1]} rigid-body"
-            " modes are left."
+            f"a prestress needs supports: {base.rigid_modes.shape[1]} rigid-body modes are left."
         )
 
     with doing("static step of the prestress"):
@@ -438,8 +432,7 @@ def buckling_factor(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float
         return math.inf
     if not eps.getConverged():
         raise NotConvergedError(
-            f"SLEPc did not find the buckling load within {MOST_RESTARTS} restarts: refine the "
-            "mesh, or leave prestress out."
+            f"SLEPc found no buckling load in {MOST_RESTARTS} restarts: refine the mesh."
         )
     value = eps.getEigenvalue(0).real
     eps.destroy()

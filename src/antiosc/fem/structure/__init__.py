@@ -181,10 +181,8 @@ class DofPlaces:
         return result
 
     def polynomials(self, comm: MPI.Comm, centre: Array, size: float) -> Array:
-        """Displacement fields (dofs, k) of degree 2 at most in (x − centre)/size.
-
-        Rotational dofs have half their curl.
-        """
+        """Displacement fields (dofs, k) of degree <= 2 in (x − centre)/size, at rotations half
+        their curl."""
         s = (self.nodes - centre) / size
         axes = np.flatnonzero(comm.allreduce(self.axes[self.kind == MOVE].any(axis=0)))
         powers: list[tuple[int, ...]] = [(), *((j,) for j in axes)]
@@ -341,8 +339,7 @@ def modes_and_shift(
     null_space = block[:, zero]
     if null_vectors is not None and null_vectors.shape[1] != null_space.shape[1]:
         raise InputError(
-            f"rigid_modes has {null_vectors.shape[1]} columns but K has {null_space.shape[1]} null"
-            " vectors."
+            f"rigid_modes has {null_vectors.shape[1]} columns, K {null_space.shape[1]} null vectors"
         )
 
     for _ in range(REFINEMENT_STEPS):
@@ -368,10 +365,8 @@ def _solver_unless_singular(comm: MPI.Comm, K: Matrix) -> Solver | None:
 
 
 def _rigid_energy_limit(K: Matrix) -> float:
-    """The energy ratio xᵀKx/xᵀDx below which x counts as a rigid motion; D is the diagonal of K.
-
-    Products with K that are computed from strains round less, so that the limit is lower for them.
-    """
+    """The ratio xᵀKx/xᵀDx, D the diagonal of K, of rigid motions x; products by strains round
+    less."""
     return RIGID_FORCE**2 if uses_strains(K) else RIGID_FORCE
 
 
@@ -390,10 +385,8 @@ def _solver(A: Matrix) -> Solver:
 
 
 def orthonormal_basis(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = None) -> Array:
-    """M-orthonormal basis (rows, r) of the independent columns of `block` (rows, k).
-
-    By Gram–Schmidt; `into`: array for the result.
-    """
+    """M-orthonormal basis (rows, r), `into` an array, of independent columns of `block` (rows,
+    k)."""
     basis = np.empty(block.shape, order="F") if into is None else into
     count = 0
     for column in block.T:
@@ -411,10 +404,8 @@ def orthonormal_basis(comm: MPI.Comm, M: Matrix, block: Array, into: Array | Non
 
 
 def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
-    """A shift [rad²/s²] near the first elastic ω², by inverse iteration with `factor`.
-
-    It matters for slender members; `motions` (rows, r): the rigid ones.
-    """
+    """A shift [rad²/s²] near the first elastic ω² by inverse iteration with `factor`, for slender
+    members."""
     comm = factor.comm
     x = np.random.default_rng(comm.rank).standard_normal((len(motions), 3))
 
@@ -441,9 +432,8 @@ def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
     if values[0] <= rounding:
         raise AccuracyError(
             f"the lowest elastic frequency is hidden by rounding, ω² = {values[0]:.1e} ± "
-            f"{rounding:.1e} rad²/s²: some part is attached by a hinge, a single common point or "
-            "line (join it along a face), or is too slender for double precision (use fewer "
-            "elements)."
+            f"{rounding:.1e} rad²/s²: join parts along faces, not by a hinge or a point, or use "
+            "fewer elements."
         )
 
     return SHIFT_RATIO * float(values[0])
@@ -642,10 +632,7 @@ class NodalMatrices(StructureMatrices):
     def mass(self) -> float:
         inertia = self.rigid_inertia
         if inertia is None:
-            raise InputError(
-                "the total mass is known only of free bodies with coordinates: matrices lack "
-                "the mass of fixed dofs."
-            )
+            raise InputError("the total mass is known only of free bodies with coordinates.")
 
         return inertia[0].mass
 

@@ -233,10 +233,8 @@ def terms_of(
     plane: bool,
     places: Callable[[str | Sequence[float]], Sequence[PointMotion]],
 ) -> list[ElasticTerm]:
-    """The terms of an attachment; `places`: maps its `where` to motions of points.
-
-    `plane`: the structure moves along x and y, and turns about z, only.
-    """
+    """The terms of an attachment with motions of points by `places`(where); `plane`: along x and y,
+    about z."""
     values = _values_by_component(attached)
     names = list(values)
     if isinstance(attached, PointMass):
@@ -253,8 +251,7 @@ def terms_of(
         if lacking := end.lacking(names):
             raise InputError(
                 f"{kind} at {attached.where!r} acts on {', '.join(lacking)}, which this point does "
-                "not have: points of solids have no rotations (act on a group or on a reference "
-                "point of an assembly), plane parts move along x and y."
+                "not have: act on a group, or on a reference point of an assembly."
             )
         G = end.components(names)
         if other is not None:
@@ -364,13 +361,11 @@ def beams_on(
     """The stiffener `beam` on the `edges` of a sheet, entities of this rank in the group `name`."""
     if mesh.cell == "quadrilateral" and mesh.order > 1:
         raise InputError(
-            f"beams on curved quadrilaterals (group {name!r}): these are too soft under the pull "
-            "of a stiffener if they are thinner than their rise; mesh the surface with triangles."
+            f"beams on curved quadrilaterals (group {name!r}) are too soft: use triangles."
         )
     if not beam.shear:
         raise InputError(
-            f"stiffeners (group {name!r}) deform in shear with their shell: shear=False is for "
-            "beams without a shell only."
+            f"stiffeners (group {name!r}) deform in shear with their shell: leave shear=False out."
         )
 
     line = _edge_mesh(mesh, edges, f"the edges of group {name!r}")

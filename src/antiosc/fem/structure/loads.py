@@ -53,10 +53,8 @@ class Points:
 
 
 def loads(comm: MPI.Comm, form: WeakForm, points: Points, directions: Array) -> Sparse:
-    """Load vectors of P sites as columns (rows of this rank, P), fixed dofs included.
-
-    `directions` (P, 3) are those of unit forces, or (P, 6) of unit forces and moments.
-    """
+    """Load vectors of P sites as columns (rows of this rank, P), fixed dofs included, by
+    `directions` (P, 3) of unit forces, or (P, 6) with moments."""
     rows = [np.zeros(0, dtype=np.int32)]
     sites = [np.zeros(0, dtype=int)]
     values = [np.zeros(0)]

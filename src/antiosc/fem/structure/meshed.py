@@ -367,10 +367,8 @@ class MeshedStructure(PartsMatrices):
         return loads
 
     def surface_below(self, points: Array, directions: Array, radii: Array) -> SurfaceAtSites:
-        """The surface of a solid at sites (P, 3) struck along `directions` (P, 3).
-
-        `radii` (P,) [m] of patches, NaN for a site that is a point.
-        """
+        """The surface of a solid at sites (P, 3) struck along `directions` (P, 3); patch radii (P,)
+        [m], NaN: a point."""
         reach = np.where(np.isfinite(radii), radii, SURFACE_TOLERANCE * self.mesh.extent())
         return self.faces.contact(points, directions, reach, np.zeros(len(self.faces), dtype=int))
 
@@ -487,8 +485,7 @@ def cells_and_stiffeners(
         edges = mesh.group(name).get(1)
         if edges is None:
             raise InputError(
-                f"group {name!r} holds no edges of the sheet's cells, which a Beam there needs: "
-                "let its lines lie in the surface that is meshed (in gmsh: BooleanFragments)."
+                f"group {name!r} holds no edges of the sheet's cells: put its lines in the surface."
             )
         on_edges.append((name, beam, edges))
 
@@ -516,8 +513,7 @@ def parts_of(mesh: Mesh, material: object) -> Parts:
 
     if len({family.kind for family, _ in parts}) > 1:
         raise InputError(
-            "all materials of one structure must be of one family: Solid, Beam, Truss, or Shell "
-            "and Laminate."
+            "materials of a structure are of one family: Solid, Beam, Truss, or Shell and Laminate."
         )
 
     uncovered = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] == 0)))

@@ -49,10 +49,8 @@ class Place:
 def places_at(
     parts: Iterable[Member], points: Array, directions: Array | None = None
 ) -> list[Place]:
-    """The place of any part nearest to each of the points (P, 3) [m].
-
-    Where parts touch, it is that whose surface faces the impact, along `directions` (P, 3).
-    """
+    """The place of any part nearest to each of the points (P, 3) [m]; where parts touch, of that
+    facing `directions` (P, 3)."""
     members = list(parts)
     nearest = [member.closest(points) for member in members]
     distance = np.array([found.distance for found in nearest])

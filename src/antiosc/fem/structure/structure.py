@@ -126,13 +126,11 @@ def _check_values(name: str, values: Array) -> None:
     largest = np.abs(values).max(initial=0.0)
     if largest > MAX_MAGNITUDE:
         raise InputError(
-            f"{name} has an entry of {largest:g}; entries must not exceed {MAX_MAGNITUDE:g} in "
-            "magnitude (a penalty of 1e30 is sufficient)."
+            f"{name} has an entry of {largest:g}; none may exceed {MAX_MAGNITUDE:g} in magnitude."
         )
     if 0.0 < largest < MIN_MAGNITUDE:
         raise InputError(
-            f"{name} has no entry above {largest:g} in magnitude; the largest must be at least "
-            f"{MIN_MAGNITUDE:g}: check the units, which are SI."
+            f"the largest entry of {name}, {largest:g}, is below {MIN_MAGNITUDE:g}: SI units?"
         )
 
 
@@ -189,16 +187,14 @@ def with_supports(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     same_rows = algebra.size(K) == algebra.size(M) and same_ranks(comm, communicator(M))
     if not same_rows or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
         raise InputError(
-            "K and M must have the same distribution over the MPI ranks, and one size; got "
-            f"{algebra.size(K)} and {algebra.size(M)} rows."
+            f"K and M must be distributed alike; got {algebra.size(K)} and {algebra.size(M)} rows."
         )
 
     of_K, of_M = (_checked_diagonal(name, matrix) for name, matrix in (("K", K), ("M", M)))
     empty = np.flatnonzero((of_K == 0) & (of_M == 0))
     if len(empty):
         raise InputError(
-            f"{len(empty)} dofs have neither stiffness nor mass, the first is {empty[0]}: leave "
-            "their rows and columns out."
+            f"{len(empty)} dofs have no stiffness and no mass, as {empty[0]}: leave them out."
         )
 
     constrained = _penalised_dofs(K, of_K)
@@ -653,6 +649,5 @@ def refuse_dampers(structure: Structure, what: str) -> None:
     """Raise InputError for a structure with dampers; `what` names what refuses it."""
     if structure.matrices.dissipation() or structure.matrices.lossy:
         raise InputError(
-            f"{what} does not take dampers, nor materials with loss or prony: leave them out;"
-            " extract takes them, without damping."
+            f"{what} takes no dampers, loss or prony: leave them out; extract without damping does."
         )

@@ -121,8 +121,7 @@ class Support(FieldsRepr):
         fixed = [self.fix] if isinstance(self.fix, str) else list(self.fix)
         if not set(fixed) <= set(names):
             raise InputError(
-                f"fix {self.fix!r} is not a component of this structure: it must be 'all' or of "
-                f"{', '.join(map(repr, names))}."
+                f"fix {self.fix!r} is no component here; these are {', '.join(map(repr, names))}."
             )
 
         return fixed
@@ -133,8 +132,7 @@ class Support(FieldsRepr):
         mask = np.asarray(self.where(x.T, **size), dtype=bool)
         if mask.shape != (len(x),):
             raise InputError(
-                f"a support's function must return one bool per point: shape ({len(x)},); "
-                f"got {mask.shape}."
+                f"a support's function returns a bool per point, ({len(x)},); got {mask.shape}."
             )
 
         return mask
@@ -268,8 +266,7 @@ def box_region(value: object) -> Region:
     lower, upper = (in_space(coordinates("a corner of box", corner)) for corner in pair)
     if (lower > upper).any():
         raise InputError(
-            f"box has a lower corner {point_text(lower)} above the upper corner "
-            f"{point_text(upper)} in some direction: exchange these coordinates."
+            f"the lower corner {point_text(lower)} of box is above the upper {point_text(upper)}."
         )
 
     words = f"in the box from {point_text(lower)} to {point_text(upper)}"
@@ -327,9 +324,8 @@ def modes_and_shift(
     largest_ratio = force_ratios(K, modes).max()
     if largest_ratio > RIGID_FORCE:
         raise AccuracyError(
-            f"a rigid motion strains the structure: ‖K r‖/(‖K‖‖r‖) = {largest_ratio:.1e} (expected "
-            "from rounding: 1e-16); the mesh or the element order cannot represent rigid motions, "
-            "or a spring is so stiff that it should be a Support."
+            f"a rigid motion strains the structure, ‖K r‖/(‖K‖‖r‖) = {largest_ratio:.1e}: the mesh "
+            "or its order cannot represent it, or a stiff spring should be a Support."
         )
 
     low, high = bounds(comm, form.space.tabulate_dof_coordinates())
@@ -381,10 +377,8 @@ def _vanishing_combinations(
 def first_elastic_estimate(
     comm: MPI.Comm, K: PETSc.Mat, M: PETSc.Mat, fields: Array, motions: Array
 ) -> float:
-    """Rayleigh–Ritz estimate of the lowest elastic ω² [rad²/s²] by trial `fields` (rows, k).
-
-    `motions`: rigid ones, M-orthonormal. The fields are overwritten.
-    """
+    """Rayleigh–Ritz estimate of the lowest elastic ω² [rad²/s²] by trial `fields` (rows, k),
+    overwritten; `motions`: rigid ones, M-orthonormal."""
     shares = dot(comm, multiply(M, motions), fields)
     count = 0
     for column, share in zip(fields.T, shares.T, strict=True):

@@ -186,12 +186,8 @@ def _without_numbers(part: MeshedStructure) -> tuple[dict[str, dict[int, IntArra
 
 
 def lacking_energies(stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
-    """Positive and negative part (k, k) of `flexibility` - `stiffness`: lacking, surplus energies.
-
-    `stiffness` (k, k): energies of shapes; `flexibility` (k, k): energies that the loads of these
-    shapes cause on the divided mesh. A surplus arises where few integration points make an element
-    soft.
-    """
+    """(lacking, surplus) parts (k, k) of `flexibility` - `stiffness`: energies by the loads of
+    shapes on the divided mesh, and of the shapes. Few integration points make an element soft."""
     size = np.sqrt(stiffness.diagonal())
     inverse_size = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     relative = inverse_size[:, None] * (flexibility - stiffness) * inverse_size
@@ -452,11 +448,8 @@ SEARCH_RANGE = 50.0
 
 
 def size_ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -> Array:
-    """New over old size of each cell of this rank (cells,), at least `LEAST_SIZE_RATIO`.
-
-    `energies` (cells,): errors η²; `goal`: required over present sum of all errors; `order`: of the
-    elements; `dim`: of the mesh.
-    """
+    """New over old size of cells of this rank, >= `LEAST_SIZE_RATIO`, by errors η² (cells,) and the
+    `goal`, required over present sum; `order`, `dim`: of the mesh."""
     from scipy.optimize import brentq  # loaded where it is used: it takes long
 
     total, count = comm.allreduce(np.array([energies.sum(), float(len(energies))]))

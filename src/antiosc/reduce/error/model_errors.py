@@ -96,8 +96,7 @@ def _check_part(part: MeshedStructure) -> None:
     """InputError for a part of a single cell, and for linear elements that lock."""
     if part.mesh.n_cells < 2:
         raise InputError(
-            "the error 'estimate' compares the strains of neighbouring cells, and"
-            f" {part.mesh.name} has one: give a smaller size."
+            f"the error 'estimate' compares cells; {part.mesh.name} has one: take a smaller size."
         )
 
     strained = [m for m, _ in part.parts if getattr(m, "plane", None) != "stress"]

@@ -60,11 +60,8 @@ EQUIVALENT_SITES = 3.0
 def _by_arpack(
     structure: Structure, known: Array, wanted: int, computed: int, start: Array, inverse: Inverse
 ) -> tuple[Array, Array]:
-    """(ω² [rad²/s²] (k,), shapes (rows, k)) of the lowest modes, unsorted, by ARPACK.
-
-    `known` (rows, m): M-orthonormal shapes to which they are M-orthogonal; `wanted`, `computed`:
-    how many are needed and sought; `start` (rows,): a vector in the range of the `inverse`.
-    """
+    """(ω² [rad²/s²] (k,), shapes (rows, k)) of `wanted` of `computed` lowest modes, M-orthogonal to
+    `known` (rows, m), unsorted; `start` (rows,): in the range of the `inverse`."""
     known_loads = multiply(structure.M, known)
 
     def deflated(r: Array) -> Array:
@@ -315,10 +312,8 @@ class ModeSolver:
 def _dense_modes(
     K: Matrix, M: Matrix, parts: list[tuple[IntArray, Array]], sigma: float
 ) -> tuple[Array, Array]:
-    """(ω ascending, shapes) of all modes on free rows that satisfy conditions.
-
-    `parts`: (free rows, conditions on these) of each rank.
-    """
+    """(ω ascending, shapes) of all modes on free rows that satisfy conditions, both in `parts` of
+    ranks."""
     free, conditions = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     stiffness, mass = (matrix[free][:, free].toarray() for matrix in (K, M))
     conditions = conditions / np.linalg.norm(conditions, axis=0)

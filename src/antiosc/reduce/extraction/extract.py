@@ -369,8 +369,7 @@ def _checked_options(
     n = whole("n", n, least=0 if band is None else 1)
     if n >= structure.dofs:
         raise InputError(
-            f"n must be below the structure's {structure.dofs} dofs; got {n}: refine the mesh or "
-            "ask for fewer anti-oscillators."
+            f"n must be below {structure.dofs}, the structure's dofs; got {n}: refine the mesh."
         )
 
     if band is not None:

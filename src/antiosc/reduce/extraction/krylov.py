@@ -131,10 +131,8 @@ class Lanczos:
         return self._V[:, self._locked : self._locked + self.steps]
 
     def _add(self, w: Array, load: Array, size: float) -> float:
-        """Add w = A⁻¹ load to the basis; if it is dropped, returns a bound on its length, else 0.
-
-        `size`: least energy of a load with which the length of w is compared.
-        """
+        """Add w = A⁻¹ load to the basis, or return a bound on its length where the energy is below
+        `size`."""
         k = self._locked + self.steps
         V = self._V[:, :k]
         w = self._held_at_sites(w)
@@ -300,11 +298,9 @@ def by_krylov(
     terms: Sequence[Dissipation] = (),
     proof: bool = False,
 ) -> tuple[Modes, Remainder | None]:
-    """(modes of a model, with a band the bound on their truncation error).
-
-    Without a band `n` modes with a share above `tol` in Z, if so many are found; with a band
-    [rad/s] as few blocks as reach the `accuracy`. `proof`: the modes get their recurrence.
-    """
+    """(modes, with a band the bound on their truncation error): `n` modes with shares above `tol`
+    in Z, or for a `band` [rad/s] as few blocks as reach the `accuracy`; `proof`: with their
+    recurrence."""
     # room for a few more than are wanted: the system gives memory only to what is written
     run = Lanczos(structure, static, (n if band is None else 0) + BASIS_STEP, terms)
     count = 0 if band is None and n == 0 else None

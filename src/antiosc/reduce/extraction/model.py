@@ -536,9 +536,8 @@ def checked_modes(
     comm = structure.comm
     if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM_SHARE * structure.shift:
         raise AccuracyError(
-            f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s) but not as a "
-            "rigid body: some part is attached by a hinge, a single common point or line; join it "
-            "along a face."
+            f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s), but not as a "
+            "rigid body: join parts along faces, not at a hinge, a point or a line."
         )
 
     residual_forces = known.residual_forces

@@ -313,9 +313,8 @@ def full(
     instance("structure", structure, Structure, "a Structure")
     if structure.dofs > MOST_DENSE_ROWS or structure.comm.size > 1:
         raise InputError(
-            "full() computes all modes of the structure by a dense eigensolver on one rank: at "
-            f"most {MOST_DENSE_ROWS} dofs; got {structure.dofs} on {structure.comm.size} "
-            "rank(s): use a coarser mesh, or superposition() or extract() with a growing n."
+            f"full() takes at most {MOST_DENSE_ROWS} dofs on one rank; got {structure.dofs} on "
+            f"{structure.comm.size} rank(s): use a coarser mesh, superposition() or extract()."
         )
 
     checked_damping = as_damping(damping)

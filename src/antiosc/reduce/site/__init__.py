@@ -25,11 +25,8 @@ def functional(structure: Structure, site: Site) -> Functional:
 
 
 def functionals(matrices: StructureMatrices, sites: Sequence[Site]) -> list[Functional]:
-    """The load vectors of `sites` on a structure with these matrices, in order.
-
-    InputError for a site off the structure or its plane, without a surface under its patch, or
-    fixed.
-    """
+    """The load vectors of `sites`, in order; InputError for one off the structure or its plane,
+    without a surface under its patch, or fixed."""
     if matrices.nodal:
         nodal = cast(NodalMatrices, matrices)
         return [

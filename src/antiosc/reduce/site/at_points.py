@@ -75,10 +75,8 @@ def _on_q(structure: PartsMatrices, site: Site, functional: Functional) -> Funct
 def functionals_on_u(
     structure: PartsMatrices, sites: Sequence[Site], part_of: Callable[[Member], MeshedStructure]
 ) -> list[Functional]:
-    """Load vectors of sites on the dofs of all parts before they are joined.
-
-    `part_of`: gives the structure of a part, for instance without its supports.
-    """
+    """Load vectors of sites on the dofs of all parts before they are joined, by structures
+    `part_of`(part)."""
     by_site: dict[int, Functional] = {}
     by_part: dict[str, dict[int, Place]] = {}
     for k, (place, end) in enumerate(places_of(structure, sites)):
@@ -352,11 +350,8 @@ class ReleasedSupports:
         self._rigid = matrices.places.rigid_motions(np.zeros(3))[:, :3]
 
     def inertia(self, following: Array) -> tuple[Array, Array]:
-        """(M g, M r) of the motions g of the supports and of unit translations r.
-
-        `following` (rows, 6 S): motion of the free dofs in static equilibrium, by which g is
-        completed.
-        """
+        """(M g, M r) of the supports' motions g, completed by `following` (rows, 6 S) in static
+        equilibrium, and of unit translations r."""
         self._motions = self._motions + self._of.expanded(following)
         return self._forces("M", self._motions), self._forces("M", self._rigid)
 

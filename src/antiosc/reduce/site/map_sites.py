@@ -141,8 +141,7 @@ def checked_sites(sites: MapSites, where: object) -> MapSites:
     if not len(sites.sites):
         place = f" on {where!r}" if isinstance(where, str) else ""
         raise InputError(
-            f"no site of the map can move{place}: supports fix the whole surface, or there is no "
-            "surface under the patches; give another group."
+            f"no site of the map can move{place}, or none has a surface: give another group."
         )
 
     return sites
@@ -199,8 +198,7 @@ def _on_part(
     if direction is None and not part.kind.outside:
         suffix = f" (the part {member.name!r})" if member.name else ""
         raise InputError(
-            f"shells and beams have no outward normal{suffix}: give the direction of impact, for "
-            "instance (0, 0, -1)."
+            f"shells and beams have no outward normal{suffix}: give the direction, as (0, 0, -1)."
         )
 
     R = member.at.rotation
@@ -307,8 +305,7 @@ def surface_sample(structure: MeshedStructure, group: str | None) -> SurfaceSamp
 
     if not mesh.comm.allreduce(int(in_group.sum())):
         raise InputError(
-            f"group {group!r} holds no outer faces of {mesh.name} (dimension {faces.dim}): a map "
-            "needs a surface; name one, or leave it out for all."
+            f"group {group!r} holds no outer faces of {mesh.name} (dimension {faces.dim})."
         )
 
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[faces.vertices[in_group]]

@@ -136,14 +136,10 @@ class Site(FieldsRepr):
         point = direction if is_named else floats("point", self.point, (None,))
         if len(point) not in (2, 3) or len(point) != len(direction):
             raise InputError(
-                f"point and direction must both have 2 or 3 coordinates; got {len(point)} and "
-                f"{len(direction)}."
+                f"point and direction need 2 or 3 numbers; got {len(point)} and {len(direction)}."
             )
         if not np.linalg.norm(direction):
-            raise InputError(
-                "direction must not be the zero vector: it is the direction in which the impactor "
-                "pushes."
-            )
+            raise InputError("direction must not be the zero vector: the impactor pushes along it.")
         store(self, direction=tuple(direction.tolist()))
         if not at_node:
             store(self, point=text("point", self.point) if is_named else tuple(point.tolist()))
@@ -228,8 +224,7 @@ def motions_without_mesh(
     """Displacement or rotation (gdim, columns) of shapes at a point without a mesh."""
     if quantity not in MOTION_QUANTITIES:
         raise InputError(
-            f"{name!r} is a point without a mesh and has no {quantity}: ask for its "
-            f"{', '.join(MOTION_QUANTITIES)}."
+            f"{name!r} has no mesh and no {quantity}: ask for its {', '.join(MOTION_QUANTITIES)}."
         )
 
     from antiosc.fem.structure.loads import UNIT_MOTIONS  # needs dolfinx
@@ -258,9 +253,8 @@ def functional_on_rows(structure: StructureMatrices, site: Site) -> Functional:
     n = algebra.size(structure.K)
     if site.node is not None:
         raise InputError(
-            "the nodes of this structure have no numbers: Site(node=…) needs a mesh of a file that "
-            "numbers them, with direction=, or matrices with a map, Structure.from_files(K, M, "
-            "map=…)."
+            "the nodes have no numbers: Site(node=…) needs a mesh of a file that numbers them, or "
+            "matrices with a map, Structure.from_files(K, M, map=…)."
         )
     if site.radius is not None:
         raise InputError(NO_PATCH)
@@ -331,8 +325,7 @@ def _node_at(matrices: NodalMatrices, site: Site) -> int:
     node = int(matrices.map.node[located][nearest])
     if distances[nearest] > NODE_TOLERANCE * float(np.ptp(points, axis=0).max()):
         raise InputError(
-            f"the point is no node: the nearest is node {node}, {distances[nearest]:.3g} m away;"
-            " use that."
+            f"the point is no node: take node {node}, {distances[nearest]:.3g} m away."
         )
 
     return node

@@ -49,11 +49,8 @@ POINTS_AT_ONCE = 20_000
 
 
 def disc_rule(rings: int) -> tuple[Array, Array]:
-    """Quadrature for Hertz's pressure: (points (n, 2) of the unit disc, weights with sum 1).
-
-    With s² = 1 − r² the weight s r dr of the pressure is s² ds: a Gauss rule in s is exact for
-    polynomials in r², equidistant angles for the angular harmonics.
-    """
+    """Points (n, 2) in the unit disc and weights, of sum 1, for Hertz's pressure: of weight s r dr
+    = s² ds with s² = 1 − r², by Gauss in s and equidistant angles."""
     s, w = np.polynomial.legendre.leggauss(rings)
     s, w = (s + 1) / 2, w * ((s + 1) / 2) ** 2
     angles = np.pi * (np.arange(2 * rings) + 0.5) / rings  # none along an edge of the face
@@ -204,10 +201,7 @@ def located_sites(
     size = np.zeros(count)
     has_radius = np.isfinite(radii)
     if kind.point_load and has_radius.any():
-        raise InputError(
-            "a radius applies to solids and shells: under a beam's point load the compliance is "
-            "finite, so leave the radius out."
-        )
+        raise InputError("a radius applies to solids and shells: leave it out on beams.")
 
     point_sets = []
     own_radii = [material.patch_radius for material, _ in structure.parts]
