@@ -135,7 +135,7 @@ def test_coordinates_of_nodes_beside_labels(tmp_path):
     model = ao.extract(part, ao.Site(node=20, direction=(0, 0, 1)), n=4)
     assert model.k0 == pytest.approx(stiffness(unit(5)), rel=1e-9)
     assert ao.extract(part, ao.Site((0.2, 0, 0), (0, 0, 1)), n=4).k0 == model.k0
-    with pytest.raises(ao.InputError, match=r"the point is no node: the nearest is node 20, 0\.03"):
+    with pytest.raises(ao.InputError, match=r"the point is no node: take node 20, 0\.03"):
         ao.extract(part, ao.Site((0.23, 0, 0), (0, 0, 1)))
     hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 5e-3)
     with pytest.raises(ao.InputError, match=r"\(20, 0, 0\) m is 19.5 m off .* \(0.5, 0, 0\) m"):
@@ -145,7 +145,7 @@ def test_coordinates_of_nodes_beside_labels(tmp_path):
     np.testing.assert_allclose(moved[:, 2], hit.displacement, atol=1e-12)
     path = ao.write_series(part, hit, tmp_path / "run", times=[0.0, 1e-3])
     assert path.read_text().count("DataSet") == 2
-    with pytest.raises(ao.InputError, match="rows of node, x, y, z, but the files do not say"):
+    with pytest.raises(ao.InputError, match="rows of node, dof, x, y, z: the files do not"):
         ao.Structure.from_files(*frame_files(tmp_path), map=nodes)
 
 

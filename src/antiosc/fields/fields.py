@@ -59,8 +59,7 @@ from antiosc.recovery.series import with_pvd, write_frames
 from antiosc.reduce.extraction import elastic_response
 from antiosc.reduce.site.site import Site
 
-#: A warning is given if the shapes of a model represent less than this share of the mass that the
-#: ground shakes.
+#: Share of the mass shaken by the ground that shapes must represent without a warning.
 MIN_MASS_SHARE = 0.5
 
 #: A model does not belong to a structure if the ratio of the stiffness or of the mass of the two,
@@ -143,19 +142,6 @@ def write_series(
     frames = (shapes @ a for a in factors)
     on_root(structure.comm, partial(write_frames, target, points, cells, times_checked, frames))
     return target
-
-
-@collective()
-@one_thread()
-def deformed_skin(
-    structure: Structure, history: History, time: float, *, body: str = "structure"
-) -> tuple[Array, IntArray, Array]:
-    """(points (P, 3) [m], outer faces (F, 3 or 4), displacements (P, 3) [m] at a `time` [s])."""
-    points, cells, displacements = nodal_motion(structure, history, time, body=body)
-    faces = outer_faces(cells)
-    if faces.shape[1] < 3:
-        raise InputError("lines and nodes have no surface: write_series writes their motion.")
-    return points, faces, displacements
 
 
 def nodal_motion(
@@ -402,7 +388,11 @@ def reactions(
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     shapes = shapes_of(structure, history, body)
     times_checked = checked_times(history, times)
-    sites = _site_list(site)
+    sites = list(site.values()) if isinstance(site, Mapping) else [site]
+    if not sites:
+        raise InputError("site must name at least one Site; got an empty dict.")
+    for each_site in sites:
+        instance("site", each_site, Site, "a Site, or a dict {name: Site}")
     matrices = with_parts(structure, "given matrices have lost the dofs of their supports.")
     from antiosc.reduce.site.at_points import ReleasedSupports  # needs dolfinx
 
@@ -455,13 +445,3 @@ def reactions(
         applied=forces @ applied,
         inertia=accelerations @ dot(comm, shapes, rigid_inertia),
     )
-
-
-def _site_list(site: Site | Mapping[str, Site]) -> list[Site]:
-    """The sites in an argument `site`; InputError if there are none."""
-    sites = list(site.values()) if isinstance(site, Mapping) else [site]
-    if not sites:
-        raise InputError("site must name at least one Site; got an empty dict.")
-    for each_site in sites:
-        checks.instance("site", each_site, Site, "a Site, or a dict {name: Site}")
-    return sites

@@ -412,8 +412,7 @@ def _remedy_text(cells: Refinement) -> str:
     return f"{told} at {point_text(point)} would give one"
 
 
-#: Surfaces of a ply at which a criterion can be largest: in-plane stresses are linear through a
-#: ply, the transverse shear is a parabola.
+#: Where a criterion is largest in a ply: in-plane stresses are linear, shear is a parabola.
 PLY_SURFACES = {
     "tsai_hill": ("bottom", "top"),
     "tsai_wu": ("bottom", "top"),

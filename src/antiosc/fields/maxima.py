@@ -34,8 +34,7 @@ from antiosc.impact.histories.parts import BodyHistory
 RealArray = NDArray[np.floating[Any]]
 #: A scalar (...,) of components (..., c), a norm.
 ScalarFunction = Callable[[Array], Array]
-#: Function (components (S, c, B), scalar, which of them count (S,)) -> (largest values (S,), their
-#: times, bound on what those that count miss).
+#: Function (components (S, c, B), scalar, mask (S,) of those that count) -> as `searched_maxima`.
 MaximumSearch = Callable[[Array, ScalarFunction, BoolArray], tuple[Array, Array, float | None]]
 
 #: Share of a value that the samples may miss, of those from half of the largest one on.

@@ -17,7 +17,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.process import one_thread
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure
-from antiosc.fields.fields import deformed_skin, nodal_motion, shapes_of
+from antiosc.fields.fields import nodal_motion, outer_faces, shapes_of
 from antiosc.fields.peaks import peak_field
 from antiosc.impact.histories import History, SceneHistory
 from antiosc.impact.histories.factors import shape_factors
@@ -236,13 +236,15 @@ def deformed_surface(
             motion = history.impactor_displacement if impactor else history.displacement
         time = float(history.time[np.abs(np.atleast_2d(motion)).max(axis=0).argmax()])
 
+    time = checks.number("time", time, "s")
+    points, cells, displacements = nodal_motion(structure, history, time, body=body)
     if field is not None:
         peak = peak_field(structure, history, field, [time], body=body)
-        *_, displacements = nodal_motion(structure, history, time, body=body)
         return peak.surface(f"{peak.label} at {1e3 * time:.4g} ms", displacements)
 
-    time = checks.number("time", time, "s")
-    points, faces, displacements = deformed_skin(structure, history, time, body=body)
+    faces = outer_faces(cells)
+    if faces.shape[1] < 3:
+        raise InputError("lines and nodes have no surface: write_series writes their motion.")
     largest = float(np.linalg.norm(displacements, axis=1).max())
     return DeformedSurface.from_displacements(points, faces, displacements, largest)
 

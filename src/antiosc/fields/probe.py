@@ -53,8 +53,7 @@ PROBED_QUANTITIES = (
 MOTION_QUANTITIES = PROBED_QUANTITIES[:4]
 #: Which time derivative of the coordinates a quantity is made of.
 DERIVATIVE_ORDERS = {"velocity": 1, "acceleration": 2}
-#: Points of a strain gauge along its length (Gauss–Legendre): an even number, since the middle of a
-#: gauge often lies between two cells, whose strains differ.
+#: Gauss points along a strain gauge: an even number, since its middle often lies between two cells.
 GAUGE_POINT_COUNT = 6
 #: Distance of a gauge from the structure, over its length, that is taken as lying on it.
 GAUGE_TOLERANCE = 0.05
@@ -62,8 +61,7 @@ GAUGE_TOLERANCE = 0.05
 #: and largest number of them. On a bracket the peak acceleration through CFC1000 and CFC600 is
 #: within 6e-5 of that of 12 samples in a period (n = 20, 40 and 160).
 SAMPLES_PER_PERIOD, SAMPLES_PER_CONTACT, SAMPLE_LIMITS = 3, 50, (50, 200_000)
-#: Share of the anti-oscillators from which there is no bar: a peak acceleration of 26 km/s² with 40
-#: of them, and a share of 0.89, was 64 km/s² with 160.
+#: Share of the anti-oscillators without a bar: of 0.89, 26 km/s² with 40 became 64 with 160.
 MAX_TRUNCATION_ERROR = 0.1
 #: Least and largest time integration error of a repeated impact.
 MIN_TIME_ERROR, MAX_TIME_ERROR = 1e-6, 1e-4

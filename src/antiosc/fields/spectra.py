@@ -20,8 +20,7 @@ from antiosc.plot.charts import figure_or_path, new_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Oscillators in a decade by default, as standards of shock tests have it (MIL-STD-810, IEC
-#: 60068-2-81), …
+#: Oscillators in a decade, as standards of shock tests have it (MIL-STD-810, IEC 60068-2-81), …
 FREQUENCIES_PER_DECADE = 48
 #: … and the lowest frequency [Hz]; lower ones are taken for signals that last longer only.
 DEFAULT_LOWEST_FREQUENCY = 10.0

@@ -339,8 +339,7 @@ def _graded_size_field(gmsh: ModuleType, place: Refinement, request: Request, sc
 EDGE_SIZE_RATIO = 1.1
 #: Measured ratio of gmsh's cells to regular ones with the requested edges, by dimension.
 CELL_COUNT_RATIO = {2: 1.35, 3: 0.95}
-#: Least number of flat faces around a full turn of a curved surface; with fewer, elements cut off
-#: parts of a cylinder.
+#: Least number of flat faces around a full turn: with fewer, cells cut off parts of a cylinder.
 FLAT_FACES_PER_TURN = 12.0
 #: Gmsh's names of scalars on triangles and on tetrahedra.
 SCALAR_VIEW_TYPES = {3: "ST", 4: "SS"}

@@ -41,8 +41,7 @@ LEAST_SOLID_THICKNESS = 1e-3
 #: default, Frontal-Delaunay, does; the default takes 18 s where it takes 1 s, and does not end in a
 #: minute where it takes 0.6 s.
 DELAUNAY_ALGORITHM = 5
-#: Surfaces of few triangles are divided into as many at most: gmsh finds no parameters of a side
-#: that is one triangle.
+#: Triangles by which surfaces of few are divided: a side of one has no parameters in gmsh.
 MOST_DIVIDED_TRIANGLES = 4000
 #: More closed surfaces than this are not sorted into bodies and cavities.
 MOST_BODIES = 200

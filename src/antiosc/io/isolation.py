@@ -173,8 +173,7 @@ def _printable(value: Any) -> Any:
 
 #: A point, the size of the elements there [m], and the growth of sizes around it if it is given.
 Refinement = tuple[Sequence[float], float] | tuple[Sequence[float], float, float]
-#: Growth of the sizes per unit of distance from a refined point, and how many of the smallest size
-#: are between the point and where it begins.
+#: Growth of sizes per distance from a refined point, and from how many smallest sizes on.
 SIZE_GRADING = (0.35, 2.0)
 
 
@@ -184,8 +183,7 @@ def with_growth(place: Refinement, usual: float) -> tuple[Sequence[float], float
     return point, size, growth[0] if growth else usual
 
 
-#: Elements around a full turn of a curved surface: of the first attempt to mesh a geometry, and of
-#: the second. Second-order ones that are fewer fold over at fillets, and cut off their volume.
+#: Elements around a full turn in a first and a second attempt: fewer of order 2 fold at fillets.
 ELEMENTS_PER_TURN, RETRY_ELEMENTS_PER_TURN = 6.0, 12.0
 #: Times as long as it may compute, a reader that waits may take: a busy machine lets it wait.
 WAITING_FACTOR = 20.0

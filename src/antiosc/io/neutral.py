@@ -106,8 +106,7 @@ class Joints(TypedDict):
     #: (motions, their mass matrix, kg, the mass of it that counts, kg)
     masses: list[tuple[list[list[MotionTerm]], list[list[float]], float]]
     points: list[list[float]]  # of no element, m
-    #: node that the deck does not have, of a face or by halving -> those of the deck among which it
-    #: lies, with weights
+    #: node of a face or of a half -> those of the deck among which it lies, with weights
     among: NotRequired[list[tuple[int, list[tuple[int, float]]]]]
 
 

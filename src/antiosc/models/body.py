@@ -342,8 +342,7 @@ def several_sites_message(name: str, sites: tuple[str, ...]) -> str:
 #: c/ω (L. Cremer, M. Heckl, *Structure-Borne Sound*, 1988). On an aluminium sheet of 1 mm
 #: triangles of 0.2, 0.3, 0.5 and 1 wave changed the peak force by up to 2, 4, 47 and 100 %.
 LARGE_CELL_WAVES = 0.5
-#: The same where the mesh's error is that to cells of half the size: from a wavelength on both
-#: meshes are too stiff alike (`tests/fem/error/test_quadrilaterals.py`).
+#: The same to cells of half the size: from a wavelength on both meshes are too stiff alike.
 LARGE_DIVIDED_CELL_WAVES = 1.0
 #: The same of the width of a patch: at 0.6 of a wave the mesh's error held the force, at 0.86 not.
 LARGE_PATCH_WAVES = 0.75

@@ -54,8 +54,7 @@ class SiteModels:
     k0: Array
     m0: Array
     m_st: Array
-    #: omega, m: (S, n) frequencies [rad/s], ascending, and masses [kg]; the row of a site with
-    #: fewer than n anti-oscillators ends in m = 0, omega = inf
+    #: omega, m: (S, n) ascending [rad/s], masses [kg]; rows of fewer end in m = 0, omega = inf
     omega: Array
     m: Array
 
@@ -338,8 +337,7 @@ def _lanczos(
 DAMPING_RATIO = 0.01
 #: lower end of the sampled band, over the lowest frequency of the model
 BAND_START_RATIO = 0.25
-#: an anti-oscillator is unobservable if its share in |Z| at its own frequency, where it is largest,
-#: is below this
+#: least share in |Z| at its own frequency, where it is largest, of an observable anti-oscillator
 UNOBSERVABLE_SHARE = 1e-8
 
 

@@ -30,8 +30,7 @@ Count = int | Literal["auto"]
 MOST_MODES = 20
 #: Most that a user may ask for: two more estimate their error.
 MOST_REQUESTED_MODES = MOST_MODES - 2
-#: What narrows the error of second-order forces where an impact takes no more modes. Smaller cells
-#: excite more motions: with them four of four bars were wider.
+#: What narrows an error of second-order forces: with smaller cells four of four bars were wider.
 NARROWING_REMEDY = "use an explicit finite element program: smaller elements do not narrow it"
 #: Asymmetry of the tensors over their size.
 LARGEST_ASYMMETRY = 1e-6

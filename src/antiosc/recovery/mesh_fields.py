@@ -184,8 +184,7 @@ def _products_of_normals(part: MeshedStructure, cells: IntArray, X: Array) -> Ar
     return np.stack(products, axis=1).reshape(len(cells), len(X), 6)
 
 
-#: Least eigenvalue of the mean of n nᵀ over the cells around a node whose normals n differ little:
-#: 0.93 of two cells at 30°, 0.5 at a right angle.
+#: Least eigenvalue of the mean of n nᵀ over cells around a smooth node: 0.93 of two at 30°.
 FOLD_EIGENVALUE = 0.93
 
 

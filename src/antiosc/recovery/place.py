@@ -85,8 +85,7 @@ class Place:
     surface: str = "top"  # "top", "bottom" or "middle" of a sheet or of its `layer`
     #: number of a layer, from the bottom, 0 the first; None: the whole thickness
     layer: int | None = None
-    #: (y, z) distances from the centroid of a beam's section along its axes, m, or the number of a
-    #: point of its outline; None: not given
+    #: (y, z) [m] from the centroid along a beam's axes, a number of a point of its outline, or None
     fibre: tuple[float, float] | int | None = (0.0, 0.0)
     local: bool = False  # whether tensors are in the local axes, not in those of the mesh
     #: group of beams on edges of a sheet whose quantity is taken; None: that of the cells

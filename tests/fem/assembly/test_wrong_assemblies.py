@@ -55,9 +55,9 @@ def nowhere(x: np.ndarray) -> np.ndarray:
 
 WRONG = [
     (lambda: ao.assemble({"a:b": block()}), "without a colon"),
-    (lambda: ao.assemble({"a": two(TIE)}), "an assembly itself"),
+    (lambda: ao.assemble({"a": two(TIE)}), "is an assembly"),
     (lambda: ao.assemble({"a": block(), "b": plane()}), "is plane"),
-    (lambda: ao.assemble({"a": plane()}, at={"a": (0, 0, 1.0)}), "out of its plane"),
+    (lambda: ao.assemble({"a": plane()}, at={"a": (0, 0, 1.0)}), "of a plane part"),
     (lambda: ao.assemble({"a": block()}, at={"c": (0, 0, 0)}), "which is no part"),
     (lambda: two(), "'b' is joined to nothing else|'a' is joined to nothing else"),
     (lambda: two(TIE, points={"hub": (0, 0, 0)}), "the reference point 'hub' is joined to nothing"),

@@ -101,7 +101,7 @@ def test_bad_input():
 
     n = MOST_DENSE_ROWS + 1
     big = ao.Structure.from_matrices(sp.identity(n), sp.identity(n))
-    with pytest.raises(ao.InputError, match=f"at most {MOST_DENSE_ROWS} dofs; got {n}"):
+    with pytest.raises(ao.InputError, match=f"at most {MOST_DENSE_ROWS} dofs on one rank; got {n}"):
         ao.full(big, ao.Site(dof=0))
 
 

@@ -262,7 +262,7 @@ def x() -> np.ndarray:
         ({"where": "left", "near": ((0, 0, 0), 1)}, "takes one of where, near, box, plane"),
         ({"near": (0, 0, 0)}, r"near must be a pair \(point, radius\)"),
         ({"near": ((0, 0, 0), -1)}, "the radius of near must be >= 0"),
-        ({"box": ((0, 0, 1), (1, 1, 0))}, "lower corner .* above the upper corner"),
+        ({"box": ((0, 0, 1), (1, 1, 0))}, "lower corner .* above the upper"),
         ({"plane": ((0, 0, 0), (0, 0, 0))}, "must not be the zero vector"),
         ({"plane": ((0, 0, 0), "z")}, "normal"),
         ({"near": ((9, 9, 9), 1e-3)}, r"within 0.001 m of \(9, 9, 9\) m fixes nothing.*spans \(0"),

@@ -61,8 +61,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 DEPENDENT_SHARE = 1e-9
 #: Coefficients below this share of the row's largest are rounding.
 LEAST_COEFFICIENT = 1e-14
-#: A row without a named dof is solved for one with at least this share of its largest coefficient,
-#: so that no step of the elimination makes coefficients more than ten times as large.
+#: Least share of a row's largest coefficient for whose dof it is solved: few grow tenfold.
 LEAST_PIVOT = 0.1
 #: Largest coefficient of T: half of the 16 digits are then left.
 LARGEST_COEFFICIENT = 1e8

@@ -41,8 +41,7 @@ COINCIDENT_SHARE = 1e-9
 PLANE_MOTIONS = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 #: Gauss points for the mass matrix, whose integrands are products of two cubics.
 GAUSS_POINT_COUNT = 5
-#: Displacement and rotation of bending along y and along z, and the sign of the rotation: about z
-#: bending is along y, about y it is along z with the opposite sign.
+#: Displacement, rotation and the sign of the rotation of bending along y, about z, and along z.
 BENDING_PLANES = ((1, 5, 1.0), (2, 4, -1.0))
 
 

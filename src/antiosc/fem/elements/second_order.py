@@ -225,8 +225,7 @@ def is_flat(part: MeshedStructure) -> bool:
 # T : L. The second-order strain is η(a, b) = V : (L_a L_bᵀ), from the displacements only.
 
 
-#: Degrees of the rules: the quartic energy of cubic triangles and of straight quadratic simplices
-#: exactly, full Gauss rules elsewhere.
+#: Degrees that integrate the quartic energy exactly; full Gauss rules elsewhere.
 RULE_DEGREES = {"triangle": 8, "tetrahedron": 4}
 GAUSS_DEGREE = 5  # full Gauss rules
 #: Pairs of directions of the components of η in a plane: 11, 22, 12 + 21.

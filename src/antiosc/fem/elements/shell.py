@@ -305,8 +305,7 @@ def _cubic_remainders() -> Array:
 #: t²/(t² + 1000 s²) of the membrane energy, s being the rise of a curved cell over its chords.
 SHEAR_FACTOR = 10.0
 MEMBRANE_FACTOR = 1000.0
-#: Default radius of a site's patch over the thickness: with it, a plate deforms as a solid without
-#: the half-space deformation under its patch (measured).
+#: Patch radius over thickness with which a plate deforms as a solid without its dent (measured).
 PATCH_RADIUS = 1.0
 
 

@@ -196,13 +196,11 @@ class WeakForm:
     components: Mapping[str, tuple[int, ...]]
     #: mass per unit of cell measure, a UFL expression (total mass = its integral)
     density: Expr
-    #: mass moment per unit of cell measure about the mesh (UFL vector: kg/m along the normal of a
-    #: sheet, kg along the height of a beam), where the mass does not lie on it
+    #: moment of the mass per cell measure about the mesh, along its normal or height (UFL), if any
     mass_moment: Expr | None = None
     #: whether twist moves the centroids of beams, which lie off the line of the mesh
     twist_moves_centroid: bool = False
-    #: strains of the trial function times √stiffness (UFL vector), and the quadrature degree with
-    #: which their squares give K; None if the entries of K alone are accurate enough
+    #: (strains × √stiffness (UFL) whose squares give K, quadrature degree); None: entries do
     strains: tuple[Expr, int] | None = None
 
     @property

@@ -211,8 +211,7 @@ def set_near_null_space(A: PETSc.Mat, motions: Array) -> None:
         A.setNearNullSpace(PETSc.NullSpace().create(vectors=basis, comm=A.getComm()))
 
 
-#: Times that the aggregates of a coarse level are visited in place of its factor: two take 14
-#: iterations in place of 12 of the bracket, one takes 18.
+#: Visits of the aggregates in place of a factor: 14 iterations for 12 of the bracket (one: 18).
 AGGREGATED_CYCLES = 2
 
 

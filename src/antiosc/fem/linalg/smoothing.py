@@ -18,8 +18,7 @@ from antiosc.base._types import Array
 from antiosc.engine import library
 from antiosc.fem.linalg.petsc_algebra import CELLS_KEY, CellProduct, multiply
 
-#: Steps before the coarse level and after it; the share of the largest eigenvalue down to which
-#: they act.
+#: Steps before and after the coarse level, and the least share of the largest eigenvalue smoothed.
 CHEBYSHEV_STEPS, LOWEST_SMOOTHED = 2, 0.1
 #: Steps of the power method for that eigenvalue, and the factor on what they give.
 POWER_STEPS, EIGENVALUE_MARGIN = 15, 1.1

@@ -144,8 +144,7 @@ class SolverByStrains(Solver):
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
 
-#: Per cent by which MUMPS may exceed its forecast of the memory (20 if not told): entries that
-#: gather on one rank exceed it at times.
+#: Per cent by which MUMPS may exceed its forecast of the memory, as entries gather on one rank.
 MUMPS_MARGIN = 60
 
 

@@ -51,8 +51,7 @@ class HalvingScheme(NamedTuple):
     #: corners between which each middle lies: of edges, of faces of four corners, of all
     members: list[list[int]]
     halves: IntArray  # (halves, corners) corners and middles that are the vertices of each half
-    #: for geometric order 1 and 2: (cells, middles, nodes) weights of the nodes of a cell at the
-    #: middles of the cell itself, or at those of its halves
+    #: of geometric order 1 and 2: weights of nodes at middles of the cell, or of its halves
     weights: tuple[Array, Array]
 
 

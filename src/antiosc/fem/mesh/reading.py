@@ -230,8 +230,7 @@ def collapsed_cells(points: Array, cells: IntArray, shape: str, order: int) -> I
     return np.flatnonzero(is_point | (measure <= LEAST_MEASURE * size ** slopes.shape[0]))
 
 
-#: A cell crosses itself if its signed area or volume over the unsigned one is below this: bowties
-#: have 0 to 0.4; a quadrilateral with a corner beyond its diagonal has 0.6.
+#: Least signed over unsigned area or volume: bowties have 0 to 0.4, a corner beyond a diagonal 0.6.
 CROSSED_RATIO = 0.5
 
 

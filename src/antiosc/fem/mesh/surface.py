@@ -26,8 +26,7 @@ FOOT_STEPS = 12
 FOOT_SETTLED = 1e-8
 #: The iteration ends for a foot that leaves its cell by more than this (reference lengths).
 FOOT_BEYOND = 1.0
-#: Points of a cell bulge by less than this factor more than its nodes: Σ|N| over the nodes between
-#: corners, whose largest is 1.93, in a prism.
+#: Bulge of a cell's points over that of its nodes: Σ|N| of those between corners, 1.93 in a prism.
 BULGE_FACTOR = 2.0
 #: Degree of the quadrature on groups: exact for products of two cubics on straight cells.
 GROUP_DEGREE = 6

@@ -108,8 +108,7 @@ class PointMotion:
     """
 
     functionals: Sparse  # (6, n) functionals of the displacement, then of the rotation
-    #: (6, 6) projection on those that the point has: one of a solid has no rotation, a site of a
-    #: superelement may have one displacement alone
+    #: (6, 6) projection on those that the point has: on a solid no rotation
     space: Array
     point: Array  # (3,) coordinates, m
 

@@ -455,8 +455,7 @@ def beams_alone(stiffener: Stiffener) -> MeshedStructure:
     )
 
 
-#: Largest mean thickness of a solid over its size that counts as thin: thicker ones break before
-#: they deflect by half of it.
+#: Thickness of a solid over its size up to which it deflects by half of it before it breaks.
 THIN_SHARE = 0.1
 #: Deviation from a line of points that lie on it, over the size of the part.
 LINE_TOLERANCE = 1e-6

@@ -12,8 +12,7 @@ from antiosc.base._types import Array
 from antiosc.fem.mesh.surface import ClosestPoint, size_at
 from antiosc.fem.structure.meshed import Member
 
-#: Parts count as equally near if their distances differ by less than this share of the largest
-#: part's size.
+#: Parts are equally near if distances differ by less than this share of the largest part's size.
 EQUAL_DISTANCE = 1e-9
 
 

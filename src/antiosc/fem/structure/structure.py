@@ -56,8 +56,7 @@ Entries: TypeAlias = tuple[IntArray, IntArray, Array]
 MIRROR_TOLERANCE = 1e-9
 #: Share of the typical diagonal entry below which an entry is rounding.
 ENTRY_ROUNDING = 1e-15
-#: A diagonal entry that holds a dof, over the sum of the row's other entries: the dof moves 1e-14
-#: of what its neighbours do.
+#: Diagonal entry of a held dof over its row's others: it moves 1e-14 of what its neighbours do.
 PENALTY_OVER_ROW = 1e14
 #: The same entry over the typical one of all rows.
 PENALTY_OVER_TYPICAL = 1e12

@@ -438,8 +438,7 @@ def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
 
 #: Least ratio of sizes in one step.
 LEAST_SIZE_RATIO = 0.15
-#: Largest ratio of sizes in one step: coarse cells do not become much coarser, since their errors
-#: would grow by more than expected.
+#: Largest ratio of sizes in one step: errors of much coarser cells grow by more than expected.
 LARGEST_SIZE_RATIO = 1.3
 #: q by dimension: power of the size by which the energy of errors falls where it is largest.
 ERROR_POWER = {1: 4.0, 2: 2.0, 3: 1.0}

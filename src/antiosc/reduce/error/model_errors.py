@@ -62,8 +62,7 @@ TRUSS_REFUSAL = "the nodes of a truss are hinges, so that no mesh could be finer
 THEORY_NOTE = "Not included: the error of {} theory itself."
 #: Share of an element within which a site is at its end.
 NODE_SHARE = 1e-3
-#: Angles in degrees between neighbours, above rounding and below that of a sharp edge, between
-#: which straight cells are taken for a curve.
+#: Angles [degree] between straight cells that stand for a curve: no rounding, no sharp edge.
 SMOOTH_ANGLES = 0.2, 40.0
 
 

@@ -39,15 +39,13 @@ if TYPE_CHECKING:
 
 #: Relative error in energy of the static solve beside rigid-body modes that is aimed at.
 STATIC_TOL = 1e-13
-#: The largest such error accepted if rounding allows no less (the error of the compliance is its
-#: square).
+#: The largest such error accepted if rounding allows no less; that of the compliance is its square.
 STATIC_ACCEPTED = 1e-8
 #: Most steps of that solve.
 STATIC_STEPS = 200
 #: Number of steps without progress after which only rounding is left.
 STATIC_IDLE_STEPS = 5
-#: A site follows the motion of others if less than this share of its compliance is independent of
-#: them; otherwise Z = H⁻¹ would lose digits by the square of the share.
+#: Least share of a site's compliance independent of others: Z = H⁻¹ loses digits by its square.
 LEAST_INDEPENDENT = 1e-10
 #: Pivots above this share of the largest one are equally good.
 EQUAL_PIVOTS = 0.5
@@ -68,8 +66,7 @@ class SiteShapes:
     m_phi: Array
     k0: Array  # (p, p) ΦᵀKΦ
     mass: Array  # (p, p) ΦᵀMΦ
-    #: (p,) displacement of each site in its rigid-body mode of unit mass [kg^-½ of the basis]; 0:
-    #: none
+    #: (p,) displacement of each site in its rigid-body mode of unit mass [kg^-½ of the basis], or 0
     moved: Array
     #: (rows, h) M-orthonormal rigid-body modes to which the constraint modes are orthogonal
     nodal: Array

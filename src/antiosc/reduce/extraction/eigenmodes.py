@@ -48,8 +48,7 @@ Inverse: TypeAlias = Callable[[Array], Array]
 
 #: Tolerance on the eigenvalues 1/(ω² + s); the residuals are measured again afterwards.
 EIGENVALUE_TOLERANCE = 1e-11
-#: Additional modes that are computed and dropped, since the search may find only one shape of a
-#: repeated frequency.
+#: Modes computed and dropped: the search may find only one shape of a repeated frequency.
 EXTRA_MODES = 4
 #: Most restarts of SLEPc.
 MOST_RESTARTS = 200
@@ -249,8 +248,7 @@ class ModeSolver:
             start = solver.solve(multiply(structure.M, random))
             values, vectors = method(structure, shapes, wanted, computed, start, self._inverse)
 
-        # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all
-        # others
+        # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign
         massive = values > -structure.shift
         values = values[massive]
         vectors = vectors[:, massive]

@@ -48,11 +48,9 @@ if TYPE_CHECKING:
 
 #: Largest number of anti-oscillators with a band.
 MOST_BAND_MODES = 400
-#: Goal of the Krylov steps over the required accuracy. It is below 1, since the bound of the final
-#: model is sampled more finely and includes the dropped modes.
+#: Goal of the steps over the accuracy: the bound of the model has more samples, and dropped modes.
 STEP_ACCURACY = 0.6
-#: From this number of Krylov anti-oscillators on, the lowest must have converged to an
-#: antiresonance.
+#: Number of Krylov anti-oscillators from which the lowest must be an antiresonance.
 SETTLED_COUNT = 10
 
 Method = Literal["krylov", "modes"]

@@ -69,8 +69,7 @@ ROUNDED_THETA = 1e-18
 #: Columns by which a basis grows.
 BASIS_STEP = 16
 
-#: Largest number of steps over the number of anti-oscillators wanted: some pairs may have no share
-#: in Z (at a site of symmetry rounding introduces as many again).
+#: Largest number of steps over anti-oscillators wanted: at symmetric sites half have no share in Z.
 STEPS_PER_MODE = 3
 #: Steps in addition to those.
 EXTRA_STEPS = 20

@@ -62,8 +62,7 @@ ZERO_STIFFNESS = 1e-10
 
 #: Default number of anti-oscillators.
 DEFAULT_COUNT = 20
-#: Largest number of modes computed for each one wanted: a site with fewer observable ones gets
-#: fewer.
+#: Most modes computed for each one wanted: a site with few observable ones gets fewer.
 SEARCH_FACTOR = 10
 
 #: Bound on the spectral norm of Z - Z_N [N/m] at complex x = ω² of shape (W,): (W,).
@@ -494,13 +493,11 @@ def with_damping(
 CHECK_LIMIT = 1e-6
 #: Up to this many times a limit a result is usable, with a warning; beyond, it is refused.
 USABLE_FACTOR = 100
-#: Limit of the residual: rounding in K alone is 1e-6 of Kφ for a mode on soft springs, with little
-#: strain; the error of ω² is the square of it.
+#: Limit of the residual, of ω² its square: rounding in K is 1e-6 of Kφ for a mode on soft springs.
 RESIDUAL_LIMIT = 1e-5
 #: ω² over the shift below which a mode is a mechanism: the shift has the size of the first elastic.
 MECHANISM_SHARE = 1e-9
-#: A Ritz pair with a smaller residual (of forces, relative) is an antiresonance: its frequency is
-#: then right to about the square of this.
+#: A Ritz pair of a smaller residual is an antiresonance, right to about the square of this.
 CONVERGED_RESIDUAL = 1e-3
 
 

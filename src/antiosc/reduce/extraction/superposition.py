@@ -191,8 +191,7 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
     )
 
 
-#: Share in the receptance of the site, at its own frequency, of a mode that counts as one of n. It
-#: is that of anti-oscillators at the default accuracy; `full` keeps all but rounding.
+#: Least share in the receptance of one of n modes, as of anti-oscillators at the default accuracy.
 COUNTED_SHARE = 1e-5
 
 

@@ -228,8 +228,7 @@ def _on_part(
     return MapSites(sites, sample.elements, count, names, part.mesh.tdim), is_movable
 
 
-#: Distance between points with opposite normals, for the spread of sites over a surface, over its
-#: size: both sides of a plate have sites of their own.
+#: Distance between points with opposite normals over the size: both sides of a plate have sites.
 OPPOSITE_DISTANCE = 0.5
 
 

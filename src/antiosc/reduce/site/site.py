@@ -173,8 +173,7 @@ MOTION_QUANTITIES = ("displacement", "velocity", "acceleration", "rotation")
 class Functional:
     """Load vectors of one site, and data of its patch."""
 
-    #: load vectors on the rows of this rank, zero on fixed dofs: along the direction of impact, and
-    #: across it if requested
+    #: load vectors (rows of this rank, p), zero on fixed dofs: along the impact, then across it
     B: Array
     #: radius of the patch, m; None for a point
     radius: float | None = None

@@ -31,8 +31,7 @@ from antiosc.fem.structure.loads import Points, loads
 from antiosc.fem.structure.meshed import SURFACE_TOLERANCE, MeshedStructure
 from antiosc.models.body import CUT_PATCH, NEAR_SUPPORT
 
-#: Rings of a disc's quadrature in addition to those that the size of the cells requires. With too
-#: few rings, cells would be loaded by single forces.
+#: Rings of a disc's quadrature beyond those that cells require: fewer load cells by single forces.
 EXTRA_RINGS = 4
 #: Most rings, by the dimension of the faces.
 MOST_RINGS = {1: 500, 2: 60}
@@ -266,8 +265,7 @@ def _point_loads(
 
 #: A patch counts as whole if at least this share of its load is on the face, free of supports.
 WHOLE_PATCH_SHARE = 0.9
-#: Supports nearer than this many radii of a patch hold the surface about it: on a half-space
-#: the displacement at this distance is 0.22 times that in the middle of the patch.
+#: Radii within which supports hold a patch's surface: 0.22 of its displacement on a half-space.
 NEAR_RADII = 2.0
 #: Rounding of the sizes of faces, which resolve a patch if they do not exceed its radius.
 SIZE_ROUNDING = 1e-6

@@ -42,8 +42,7 @@ from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.io.neutral import connected_pieces
 from antiosc.models.body import Body
 
-#: Least angle between the normals of two faces whose common edge is a sharp edge of the part
-#: [degree].
+#: Least angle between the normals of two faces whose common edge is sharp [degree].
 SHARP_ANGLE = 40.0
 #: Interior angle in degrees from which an edge is sharp; straight fillets of three cells have 210.
 INNER_ANGLE = 215.0
@@ -358,8 +357,7 @@ def _fitted_quadric(nodes: Array, normal: Array) -> _Quadric:
 # -- the largest ball that touches the surface at a site and meets the part nowhere else
 
 
-#: Points of the surface so near the site, over the radius of its patch or the size of its face, are
-#: those of the contact itself.
+#: Reach of the contact itself over the radius of the patch or the size of the site's face.
 CONTACT_REACH = 2.0
 #: Height of a point over the tangent plane, over its distance from the site, that the error of the
 #: normal may make: at facets of 15° it is 0.03. A wall at a distance D is met by balls from 1.08 D.
