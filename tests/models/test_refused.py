@@ -136,7 +136,7 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: ao.ModalBody([-1.0], [1.0]), "omega"),
     (lambda: ao.ModalBody(OMEGA, B, basis=(np.ones((2, 1)), np.ones((3, 1)))), "number"),
     (lambda: ao.ModalBody(OMEGA, B, inertia=INERTIA), "2 modes"),
-    (lambda: ao.ModalBody([0.0], [1.0]).rigid_motion(ao.Motion((1, 0, 0))), "no known rigid-body inert"),
+    (lambda: ao.ModalBody([0.0], [1.0]).rigid_motion(ao.Motion((1, 0, 0))), "no known"),
     (lambda: at_sites(1, directions=[(0, 0, 0)]), "zero vector"),
     (lambda: at_sites(1, local_compliance={"b": 1.0}), "no site"),
     (lambda: at_sites(1, basis=(np.eye(3),)), "column"),

@@ -247,16 +247,12 @@ def _stress_range_text(*ends: float) -> str:
 
 
 class ExcludedZones(NamedTuple):
-    """Places that a margin does not judge: at contacts, and near edges and supports.
-
-    edges, supports : (n, 3) points [m] on sharp inner edges and on rigidly supported faces;
-    distance : from these [m].
-    """
+    """Places that a margin does not judge: at contacts, and near edges and supports."""
 
     contacts: Sequence[ContactZone] = ()
-    edges: Array = NO_POINTS
-    supports: Array = NO_POINTS
-    distance: float = 0.0
+    edges: Array = NO_POINTS  # (n, 3) [m] on sharp inner edges
+    supports: Array = NO_POINTS  # (n, 3) [m] on rigidly supported faces
+    distance: float = 0.0  # from these [m]
 
     def at_contacts(self, points: Array) -> BoolArray:
         """Mask (P,) of the points within three radii of a contact on a solid."""
@@ -310,18 +306,14 @@ def is_within(points: Array, balls: Array) -> NDArray[np.bool_]:
 
 
 class NodalExposures(NamedTuple):
-    """Largest exposures of the P nodes of a part over a run, for `judged_margin`.
+    """Largest exposures (P,) of the nodes of a part over a run, for `judged_margin`."""
 
-    points (P, 3) [m]; (P,) each: exposure, its strength [Pa or 1], its time [s], relative mesh
-    error of the stress, size of the cells [m].
-    """
-
-    points: Array
+    points: Array  # (P, 3) [m]
     exposure: Array
-    strength: Array
-    time: Array
-    error: Array
-    cell_sizes: Array
+    strength: Array  # Pa or 1
+    time: Array  # s
+    error: Array  # relative, of the stress by the mesh
+    cell_sizes: Array  # m
 
 
 def judged_margin(criterion: str, nodes: NodalExposures, zones: ExcludedZones) -> Margin | None:

@@ -49,20 +49,13 @@ SAME_TIME_SHARE = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """Motion of a body over a run, as B factors of the columns of a field.
+    """Motion of a body over a run, as B factors of the columns of a field."""
 
-    nodes : (n,) times of the history [s].
-    factors : function, times (k,) -> factors (k, B).
-    omega : (J,) frequencies of the modes [rad/s].
-    shapes : (J, B) factors of a unit amplitude of each mode.
-    sizes : (J,) largest amplitudes of the modes.
-    """
-
-    node_times: Array
-    factors: Callable[[Array], Array]
-    omega: Array
-    shapes: Array
-    sizes: Array
+    node_times: Array  # (n,) of the history [s]
+    factors: Callable[[Array], Array]  # times (k,) -> (k, B)
+    omega: Array  # (J,) of the modes [rad/s]
+    shapes: Array  # (J, B) factors of a unit amplitude of each mode
+    sizes: Array  # (J,) largest amplitudes of the modes
 
 
 def search_of(

@@ -370,17 +370,13 @@ def peak_field(
 
 @dataclass
 class NodalMaxima:
-    """Largest values (P,) at all points, their times, and a bound on the error by sampling.
-
-    Of stresses also the largest `exposure`, `strength` [Pa or 1], time (`exposure_times`) and
-    number of the ply.
-    """
+    """Largest values (P,) at all points, their times, and of stresses the largest exposures."""
 
     values: Array
     times: Array
-    error: float | None = None
+    error: float | None = None  # bound, by sampling
     exposure: Array = field(default_factory=lambda: np.zeros(0))
-    strength: Array = field(default_factory=lambda: np.zeros(0))
+    strength: Array = field(default_factory=lambda: np.zeros(0))  # Pa or 1
     exposure_times: Array = field(default_factory=lambda: np.zeros(0))
     ply: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
     mesh_error: Array | None = None

@@ -250,11 +250,8 @@ class Division(NamedTuple):
 
 
 def mesh_of_deck(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Division:
-    """The elements of a deck as cells, its sets as groups.
-
-    `halve_lines`: second-order lines become two straight ones each, as `Beam` needs them; `mixed`:
-    triangles stay apart from quadrilaterals. MeshError for an element without volume or area.
-    """
+    """The elements of a deck as cells, its sets as groups; lines of order 2 halved, as `Beam`
+    needs, `mixed` with triangles; MeshError for an element without volume or area."""
     nodes = NodeTable(deck.points)
     cells: dict[str, IntArray] = {}
     owners: dict[str, IntArray] = {}

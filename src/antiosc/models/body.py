@@ -46,19 +46,14 @@ UNKNOWN_SURFACE = "not known"
 
 
 class MeasuredBand(TypedDict):
-    """Bodies consistent with a measurement, in free modes (A bodies, J modes).
+    """Bodies consistent with a measurement, in free modes as of a `ModalBody`."""
 
-    top : upper end of the band [rad/s]; draws : number of the first bodies, which differ by the
-    noise; the others differ by the modes above the band; omega, decay, b : (A, J) as in a
-    `ModalBody`; r : (A,).
-    """
-
-    top: float
-    draws: int
-    omega: list[list[float]]
+    top: float  # upper end of the band [rad/s]
+    draws: int  # number of the first bodies, which differ by noise, others by modes above the band
+    omega: list[list[float]]  # (bodies, modes), as the next two
     decay: list[list[float]]
     b: list[list[float]]
-    r: list[float]
+    r: list[float]  # (bodies,)
 
 
 @dataclass(frozen=True, repr=False)

@@ -189,12 +189,9 @@ def error_bound(
     band: float,
     shift: float = 0.0,
 ) -> tuple[Array, Array]:
-    """Bounds on |dZ|/|Z|, (S,) and (S,), for the models up to `band` [rad/s].
-
-    First by the modes left out (see above), then by keeping only n anti-oscillators; the whole
-    error is at most their sum. Z is taken with one per cent of damping; `band` must lie below
-    the last free mode. Other arguments as in `site_models`, which made the models.
-    """
+    """Bounds (S,) on |dZ|/|Z| up to `band` [rad/s], below the last mode, with one per cent of
+    damping: by the modes left out, and by keeping n anti-oscillators; their sum bounds all. Others
+    as of `site_models`."""
     omega = checks.floats("omega", omega, (None,))
     b = checks.floats("b", b, (None, omega.size))
     C, G = (checks.floats(name, v, (len(b),)) for name, v in (("C", compliance), ("G", inertia)))
@@ -279,12 +276,8 @@ def model_parameters(
 def _lanczos(
     A: Array, b: Array, bAb: Array, massless: Array, phi: Array, n: int
 ) -> tuple[Array, Array, Array]:
-    """(n Ritz values of T (S, n), coefficients of phi in the Ritz vectors (S, n), residual mass
-    (S,)), from the start T phi in the inner product of A.
-
-    As `antiosc.reduce.extraction.krylov`; a massless residual compliance r adds (b'v)^2/r to v'Av,
-    and without one b'v = 0.
-    """
+    """(n Ritz values of T (S, n), coefficients of phi (S, n), residual mass (S,)) from the start T
+    phi; a massless compliance r adds (b'v)^2/r to v'Av, without one b'v = 0."""
     y = b / A
     soft = massless > 0
     stiff = np.where(soft, 1 / np.where(soft, massless, 1.0), 0.0)
@@ -345,23 +338,16 @@ StiffnessFunction = Callable[[ComplexArray], Numbers]
 
 
 def sample_frequencies(top: float, lowest: float, step: float = DAMPING_RATIO) -> ComplexArray:
-    """Damped circular frequencies (W,) up to `top` [rad/s], dense enough for every peak of Z.
-
-    `lowest`: frequency [rad/s] from which Z varies; below it Z is quasi-static. `step`: relative
-    distance of neighbouring samples; a peak has the width of the damping.
-    """
+    """Damped circular frequencies (W,) up to `top` [rad/s], dense (relative `step`) at peaks of Z,
+    which is quasi-static below `lowest`."""
     start = BAND_START_RATIO * min(top, lowest)
     count = int(np.ceil(np.log(top / start) / step)) + 2
     return np.geomspace(start, top, count) * (1 + 1j * DAMPING_RATIO)
 
 
 def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Array:
-    """|change of Z| over |Z| (..., N) at each damped pole if its mass is added to m0 instead.
-
-    For models of one site: k0, m0 (...,) and m, poles = omega_i^2 (..., N), m = 0 for no pole. Z is
-    written with m0, not with m_st = m0 + sum(m_i), since -x m_st would cancel the term of a large
-    m_i.
-    """
+    """|change of Z| over |Z| (..., N) at each damped pole omega_i^2 if its mass m (..., N) is added
+    to m0 (...,), with which Z is written: -x m_st would cancel the term of a large m_i."""
     k0, m0, m, poles = (np.asarray(a, dtype=float) for a in (k0, m0, m, poles))
     weight = np.where(m > 0, m * poles, 0.0)
     poles = np.where(m > 0, poles, -1.0)
@@ -390,11 +376,8 @@ def receptance_shares(b: ArrayLike, poles: ArrayLike) -> Array:
 def stiffness_error(
     Z: StiffnessFunction, reference: StiffnessFunction, band: float, lowest: float
 ) -> float:
-    """Largest |Z - Z_ref|/|Z_ref| over the band up to `band` [rad/s], with one per cent damping.
-
-    Z, reference : dynamic stiffness [N/m] of complex circular frequencies. The band is sampled down
-    to a quarter of `lowest` [rad/s].
-    """
+    """Largest |Z - Z_ref|/|Z_ref| from a quarter of `lowest` up to `band` [rad/s], by functions of
+    complex frequencies, with one per cent damping."""
     s = sample_frequencies(
         checks.positive("band", band, "rad/s"), checks.positive("lowest", lowest, "rad/s")
     )

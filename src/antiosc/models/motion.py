@@ -190,17 +190,12 @@ def unit_vectors(name: str, vectors: Array) -> Array:
 
 
 def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Array]:
-    """Free modes of a model of one site: squared frequencies (J,), modes of unit mass (N + 1, J).
+    """(omega^2 (J,), modes of unit mass (N + 1, J), the site first) of a model of one site.
 
-    k0, m0 : stiffness [N/m] and mass [kg] of the residual system; m0 = 0 removes its mode (J = N).
-    m, poles : (N,) masses > 0 [kg] and *distinct* ascending omega_i^2 > 0 [rad^2/s^2]. Row 0 of the
-    modes is the site. Precise to rounding for any ratio of masses.
-
-    The x_j are the zeros of Z(x) = k0 - x m0 - sum_i m_i x p_i/(p_i - x), which falls from +inf to
-    -inf between two neighbouring poles p_i. Each is sought as a shift from its nearest pole, so
-    that p_i - x_j is never a difference of nearly equal numbers (the device of divide-and-conquer
-    eigensolvers); a dense eigensolver would lose the low modes to the rounding of the highest as
-    m0 -> 0.
+    k0 [N/m], m0 [kg] (0 removes a mode); m, poles (N,): masses > 0, *distinct* ascending omega_i^2.
+    The zeros x_j of Z(x) = k0 - x m0 - sum_i m_i x p_i/(p_i - x), one between two poles, are sought
+    as shifts from the nearest pole, so that p_i - x_j is never a difference of nearly equal numbers
+    (as in divide-and-conquer eigensolvers): a dense one would lose the low modes as m0 -> 0.
     """
     n = poles.size
     if n == 0:

@@ -106,13 +106,9 @@ def _at_nodes_of(
 
 
 def stress_errors_of_part(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
-    """Estimated error (nodes,) of the von Mises stress [Pa] at the nodes of this rank.
-
-    `factors` (nodes, columns): of the shapes, at each node's own time. All ranks must call it.
-    Zienkiewicz and Zhu: the mean over the cells of one material stands for the smooth stress; in
-    sheets, whose axes turn, that of the von Mises stress of the worse face. A node of one cell, or
-    at a fold, takes the largest error at the other nodes of its cells.
-    """
+    """Estimated error (nodes,) [Pa] of von Mises stress on this rank by means over cells of one
+    material (Zienkiewicz and Zhu), of sheets the worse face; nodes of one cell or at folds take the
+    largest beside. `factors` (nodes, columns): at each node's time."""
     mesh = part.mesh
     cells_of_rank = compat.cell_index_map(mesh.dolfinx).size_local
     nodes = compat.geometry_nodes(mesh.dolfinx)[:cells_of_rank]
@@ -141,10 +137,8 @@ def stress_errors_of_part(part: MeshedStructure, shapes: Array, factors: Array) 
 
 
 def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> tuple[Array, Array]:
-    """(stresses (C, n, 6), empty) at the n nodes of cells of solids.
-
-    Of sheets (von Mises stresses (C, n, 1), products of normals (C, n, 6)).
-    """
+    """(stresses (C, n, 6), empty) at the n nodes of solid cells; of sheets (von Mises stresses (C,
+    n, 1), products of normals (C, n, 6))."""
     shapes = compat.with_ghosts(part.form.space, shapes)
     is_solid = part.kind.name == "solid"
     places = [Place()] if is_solid else [Place("top"), Place("bottom")]

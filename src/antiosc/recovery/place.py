@@ -33,10 +33,7 @@ SHEET_SURFACES = ("top", "bottom", "middle")
 
 @dataclass(frozen=True)
 class Reach:
-    """How far a given point may lie from the structure, onto which it is projected.
-
-    what : name of the point in messages; snap : largest distance [m], None: the default.
-    """
+    """How far a given point may lie from the structure, onto which it is projected."""
 
     what: str  # the point in words, for messages
     #: largest distance [m]; None: `SNAP_SHARE` of the part's size, or one element

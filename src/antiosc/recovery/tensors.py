@@ -47,11 +47,8 @@ def column_tensors(six: Array) -> Array:
 
 
 class PointsInCells:
-    """Points with reference coordinates X (P, tdim) in `cells` (P,) of this rank.
-
-    `shapes` (dofs with ghosts, columns): the motions that are evaluated there; with `factors` (P,
-    columns) their sum at each point, one column, for solids alone.
-    """
+    """Points X (P, tdim) in `cells` (P,) of this rank, with motions `shapes` (dofs with ghosts,
+    columns), or with `factors` (P, columns) their sum at each point of solids."""
 
     def __init__(
         self,

@@ -170,7 +170,8 @@ def test_matrices_over_ranks():
             except ao.InputError as error: print(str(error)[:40])
     """
     expected = [
-        "7 1428.571429", "K must be symmetric (to 1e-09 of √(a_ii ", "K and M must be distributed alike",
+        "7 1428.571429", "K must be symmetric (to 1e-09 of √(a_ii ",
+        "K and M must be distributed alike",
         "K is an empty PETSc matrix",
     ]  # fmt: skip
     for lines in run_ranks(2, script):

@@ -96,11 +96,8 @@ class _System:
 def eliminate(
     rows: Sequence[Rows], fixed: BoolArray, scale: Array, prescribed: Array | None = None
 ) -> Eliminated:
-    """Motions u = T q that satisfy constraints, the supports first, with zero dofs `fixed` (n,).
-
-    `scale` (n,): typical size of each dof; `prescribed` (m, k): k sets of values of the rows, for
-    which `Eliminated.particular` is computed.
-    """
+    """Motions u = T q that meet constraints, supports first, with zero dofs `fixed` and typical
+    sizes `scale` (n,) of dofs; `prescribed` (m, k): sets of values for `Eliminated.particular`."""
     n = len(fixed)
     C = scipy.sparse.vstack([Sparse((0, n)), *(r.matrix for r in rows)]).tocsr()
     pivot = np.concatenate([np.zeros(0, dtype=int), *(r.pivot for r in rows)])

@@ -158,11 +158,8 @@ def modes_and_shift(
     motions: Array,
     bodies: Sequence[RigidDofs],
 ) -> tuple[Array, float]:
-    """(M-orthonormal strain-free motions (n, r) of q, first shift of the eigensolver).
-
-    `motions` (n, k): those of u. InputError for a point without mass or resistance, AccuracyError
-    if a motion strains a part.
-    """
+    """(M-orthonormal strain-free motions (n, r) of q, of u's `motions` (n, k), first shift);
+    InputError for a point without mass or resistance, AccuracyError if a motion strains a part."""
     comm = MPI.COMM_SELF
     motions = eliminated.coordinates(motions)
 

@@ -126,12 +126,8 @@ def _points_around(place: Place, end: End, radius: float) -> WeightedPoints:
 
 
 def mean_motion(layout: Layout, member: Member, points: WeightedPoints) -> PointMotion:
-    """Weighted mean motion of points of a part at their centroid.
-
-    With r from the centroid the mean rotation θ satisfies J θ = Σ w r × u, J = Σ w (r² 1 − r rᵀ).
-    About an axis on which all points lie it is the mean of the rotations of the nodes, if there
-    are any.
-    """
+    """Weighted mean motion of points at their centroid, J θ = Σ w r × u with J = Σ w (r² 1 − r rᵀ);
+    about an axis through all the mean of the nodes' rotations, if any."""
     w = points.weight / points.weight.sum()
     x = points.x
     centre = w @ x

@@ -385,10 +385,8 @@ LEAST_MOMENT_SHARE = 0.1
 def edge_on_solid(
     layout: Layout, edge: Facets, face: Facets, common: Overlap, label: str
 ) -> tuple[Sparse, Sparse, Array]:
-    """(u₀ (3Q, n), n × g (3Q, n), normals n (Q, 3)) at Q points of a shell's edge on a solid.
-
-    u₀ + s g is the straight line through the displacements of the solid's face over the thickness.
-    """
+    """(u₀ (3Q, n), n × g (3Q, n), normals n (Q, 3)) at Q points of a shell's edge, u₀ + s g the
+    straight line through the displacements of the solid's face."""
     normals, thickness = _normals_and_thickness(edge, common)
     s, w = np.polynomial.legendre.leggauss(THICKNESS_POINTS)
     points = common.x

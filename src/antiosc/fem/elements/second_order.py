@@ -185,13 +185,8 @@ SHARE_DEGREE = 6
 
 
 def relative_stiffening(part: MeshedStructure, shape: Array, stiffness: float) -> float:
-    """Relative change [1/m] of a sheet's secant stiffness per metre of deflection.
-
-    It is 0 for a flat sheet without prestress.
-
-    The energy of q × shape is k q²/2 + g q³/2, with k its `stiffness` [N/m], g = ∫ N : η and N the
-    membrane forces of the shape: the force is k q (1 + 3 g q/(2 k)), negative if it softens.
-    """
+    """Relative change [1/m] of a sheet's secant stiffness per metre of deflection; < 0: softer. The
+    energy of q × shape is k q²/2 + g q³/2 with g = ∫ N : η, the force k q (1 + 3 g q/(2 k))."""
     if is_flat(part) and part.preload is None:
         return 0.0
     points = _points_by_rule(part, SHARE_DEGREE)

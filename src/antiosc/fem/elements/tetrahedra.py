@@ -286,13 +286,8 @@ def cellwise_products(
 
 
 class Tetrahedra:
-    """The cells of this rank of a part, for products with K and M.
-
-    Parameters
-    ----------
-    conditions : path of a component -> its dofs of this rank, ghosts included, whose rows and
-        columns are 1 in K, 0 in M
-    """
+    """The cells of this rank of a part, for products with K and M; `conditions`: path of a
+    component -> dofs with ghosts whose rows and columns are 1 in K, 0 in M."""
 
     def __init__(
         self,

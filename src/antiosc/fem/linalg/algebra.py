@@ -151,12 +151,8 @@ def conjugate_gradients(
     inner: Callable[[Array, Array], Array],
     most: int,
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield the steps of preconditioned conjugate gradients for the columns of R (rows, k), from
-    step 0.
-
-    `product` and `inverse` are A x and the preconditioner, `inner` (x, y) -> xᵀy of each column.
-    Yields (X, rᵀA⁻¹r by the preconditioner (k,), xᵀA x (k,)) at most `most` + 1 times.
-    """
+    """Yield at most `most` + 1 steps (X, rᵀA⁻¹r by the preconditioner (k,), xᵀA x (k,)) for columns
+    of R (rows, k), by functions of A x, the preconditioner and xᵀy of columns."""
     X = np.zeros(R.shape)
     r = np.array(R)
     energy = np.zeros(R.shape[1])

@@ -163,13 +163,8 @@ def call_error(common: Common, what: str, size: float | None = None) -> AntioscE
 
 @contextmanager
 def without_openmp() -> Iterator[None]:
-    """Keep CHOLMOD's own OpenMP loops on one thread.
-
-    Up to SuiteSparse 5 they use four threads, independent of the environment. The loops are short,
-    and threads that wait for the next loop slow down those of BLAS and of other ranks: up to half
-    of the time of a factorization on two cores was lost. BLAS keeps its threads, unless it is built
-    on OpenMP.
-    """
+    """Keep CHOLMOD's own OpenMP loops on one thread: up to SuiteSparse 5 four threads, waiting for
+    the next short loop, slow down BLAS and other ranks, by up to half of the time."""
     openmp, blas = _loaded_library("libgomp.so.1"), _loaded_library("libopenblas.so.0")
     levels = 0
     if openmp and blas and blas.openblas_get_parallel() != OPENMP_PARALLEL:
@@ -204,12 +199,9 @@ class NotPositiveDefiniteError(NotConvergedError):
 
 
 class Supernodes(NamedTuple):
-    """L of P A Pᵀ = L Lᵀ: dense blocks of columns with the same rows.
-
-    Supernode s has the columns start[s] … start[s+1] - 1 of L and the rows
-    rows[row[s]:row[s+1]], its own columns first; its entries stand in values[value[s]:], column by
-    column (the upper triangle of the first square is unused).
-    """
+    """L of P A Pᵀ = L Lᵀ: supernode s has columns start[s] … start[s+1] - 1, rows
+    rows[row[s]:row[s+1]], its own columns first, entries values[value[s]:] by column (first upper
+    triangle unused)."""
 
     start: IntArray
     row: IntArray
@@ -246,11 +238,9 @@ class _Memory:
 
 
 class Cholesky:
-    """P A Pᵀ = L Lᵀ of a sparse symmetric positive definite matrix, analysed at once.
-
-    `block`: rows of a node, by which A is ordered; `permutation`: order of another matrix of its
-    pattern. OutOfMemoryError, NotConvergedError where CHOLMOD fails, MissingDependencyError.
-    """
+    """P A Pᵀ = L Lᵀ of a sparse symmetric positive definite matrix, ordered by nodes of `block`
+    rows, or as a `permutation` has it; OutOfMemoryError, NotConvergedError,
+    MissingDependencyError."""
 
     def __init__(
         self, A: scipy.sparse.csr_matrix, block: int = 1, permutation: IntArray | None = None

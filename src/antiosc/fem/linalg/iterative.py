@@ -73,14 +73,10 @@ BACKWARD_ERROR = 1e-6
 
 @dataclass(frozen=True)
 class Levels:
-    """Functions that give the data of a part for a multigrid.
+    """Functions that give the data of a part for a multigrid."""
 
-    motions : its rigid-body motions (rows of this rank, r).
-    prolongation : the interpolation P from the coarse dofs to the fine ones, with zero rows for
-        fixed dofs; None if no coarse space is known.
-    """
-
-    motions: Callable[[], Array]
+    motions: Callable[[], Array]  # its rigid-body ones (rows of this rank, r)
+    #: interpolation from coarse to fine dofs, zero rows for fixed ones; None: none is known
     prolongation: Callable[[], PETSc.Mat | None] = lambda: None
 
 
@@ -216,16 +212,8 @@ AGGREGATED_CYCLES = 2
 
 
 class TwoLevels(Multigrid):
-    """Conjugate gradients, preconditioned by two levels.
-
-    Parameters
-    ----------
-    motions : gives the rigid-body motions (rows of this rank, r)
-    prolongation : P of `Levels`
-    inverse : gives A⁻¹ of a matrix as a function of vectors
-    coarse : PᵀAP
-    factored : whether its factor is used, or that of its aggregates
-    """
+    """Conjugate gradients, preconditioned by two levels: rigid-body `motions`() (rows, r), P, A⁻¹
+    by `inverse`(A), `coarse` PᵀAP, `factored` or by aggregates."""
 
     method = "conjugate gradients with two levels"
     pace = ", which are slow where a part is thin or nearly incompressible"
@@ -264,14 +252,8 @@ class TwoLevels(Multigrid):
 
 
 class Cycle:
-    """A cycle of a level and those below it, approximate inverse of the matrix A of the level.
-
-    Parameters
-    ----------
-    P : interpolation from the coarse dofs to the fine ones
-    coarse : exact or approximate inverse of the coarse matrix
-    corrections : number of visits of the coarse level; A is smoothed before, between and after
-    """
+    """A cycle of a level and those below it, approximate A⁻¹: interpolation P, approximate inverse
+    of the coarse matrix, visited `corrections` times between smoothings."""
 
     def __init__(
         self, A: PETSc.Mat, P: PETSc.Mat, coarse: Callable[[Array], Array], corrections: int = 1

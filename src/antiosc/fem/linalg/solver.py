@@ -58,19 +58,12 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ProductCost:
-    """Cost of a two-level solver per entry of A, stored or not, in bytes and seconds.
+    """Cost of a two-level solver per entry of A, stored or not, in bytes and seconds."""
 
-    row : entries in a row of A.
-    bytes : memory of the levels and, for products by cells, of the data of the cells.
-    aggregated : bytes where the coarse level is not factored, with its products while they are
-        made.
-    seconds : time of an iteration.
-    """
-
-    row: float
-    bytes: float
-    aggregated: float
-    seconds: float
+    row: float  # entries in a row of A
+    bytes: float  # of the levels, and of the cells' data for products by cells
+    aggregated: float  # where the coarse level is not factored, while its products are made
+    seconds: float  # of an iteration
 
 
 #: From the entries; their number is that of A.
@@ -144,16 +137,11 @@ def bytes_of_shells(dofs: float, n: int) -> float:
 
 @dataclass(frozen=True)
 class LevelSizes:
-    """Numbers of entries from which the cost of a two-level solver follows.
+    """Numbers of entries from which the cost of a two-level solver follows."""
 
-    stored : entries of A; for products by cells those that A would have.
-    factor : entries of the factor of A, from which those of the coarse factor follow; 0: there is
-        no coarse level of linear elements.
-    """
-
-    stored: float
+    stored: float  # of A, also where products by cells do not store them
     products: ProductCost
-    factor: float = 0.0
+    factor: float = 0.0  # of A's factor, for those of the coarse one; 0: no linear elements
 
     @property
     def coarse(self) -> float:
@@ -291,11 +279,8 @@ SYMMETRIC_ORDER: dict[str, object] = {
 
 
 class SuperLU(Factorization):
-    """A factor P A Pᵀ = L D Lᵀ by SuperLU with pivots on the diagonal.
-
-    The ordering is symmetric, so the signs of D are those of A's eigenvalues (Sylvester): a matrix
-    that is not positive definite has a pivot that is not positive, or one off the diagonal.
-    """
+    """A factor P A Pᵀ = L D Lᵀ by SuperLU with pivots on the diagonal: a matrix that is not
+    positive definite has a pivot that is not positive (Sylvester), or one off the diagonal."""
 
     def _set_up(self) -> None:
         try:

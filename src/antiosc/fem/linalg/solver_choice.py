@@ -220,11 +220,8 @@ class MumpsFactor(PetscSolver, Factorization):
 
 
 def entries_by_mumps(A: PETSc.Mat) -> float:
-    """Forecast of the entries of MUMPS's factor of A; 0 if A has no node blocks.
-
-    MUMPS gives the size of a factor only after the factorization. It therefore factors the rows of
-    one displacement component, every b-th row, with 1/b² of the entries and 1/b³ of the operations.
-    """
+    """Forecast of the entries of MUMPS's factor, 0 without node blocks, by one of the rows of one
+    displacement component of b: 1/b² of the entries, 1/b³ of the operations."""
     block = A.getBlockSize()
     if block == 1:
         return 0.0

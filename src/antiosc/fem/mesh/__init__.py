@@ -96,10 +96,7 @@ class CellGeometry:
         return [1, 2, 3] if self.simplex else [1, 2, 4]
 
     def entities(self, dim: int) -> tuple[Array, Array]:
-        """(origins (n, tdim), axes (n, tdim, dim)) of a cell's entities of dimension `dim`.
-
-        Their points are X = origin + axes ξ in reference coordinates.
-        """
+        """(origins (n, tdim), axes (n, tdim, dim)) of a cell's entities: X = origin + axes ξ."""
         vertices = np.array(self._topology[dim])
         origin = self.corners[vertices[:, 0]]
         axes = self.corners[vertices[:, self._neighbours[:dim]]] - origin[:, None]

@@ -159,10 +159,8 @@ def halved(raw: RawMesh) -> RawMesh:
 
 
 def _middle_nodes(corners: IntArray, shape: HalvingScheme, start: int) -> tuple[IntArray, IntArray]:
-    """(numbers (cells, middles) of new nodes, from `start` on, flat index of each one's first use).
-
-    `corners` (cells, corners): nodes of the cells; `shape`: their halving.
-    """
+    """(numbers (cells, middles) of new nodes from `start` on, flat index of each one's first
+    use)."""
     rows = np.full((len(corners), len(shape.members), MOST_CORNERS), -1, dtype=np.int64)
     for k, vertices in enumerate(shape.members):
         rows[:, k, : len(vertices)] = corners[:, vertices]
@@ -175,11 +173,8 @@ def _middle_nodes(corners: IntArray, shape: HalvingScheme, start: int) -> tuple[
 def _groups_of_division(
     groups: Groups, support: IntArray, entities_of: Callable[[int], IntArray]
 ) -> Groups:
-    """The groups of a divided mesh: new entities that lie in entities of the old `groups`.
-
-    `support` (n, k): the old points between which each new point lies, filled up by -1;
-    `entities_of`: dimension -> vertices (entities, corners) of all new entities.
-    """
+    """Groups of new entities (by dimension their vertices `entities_of`) that lie in entities of
+    `groups`; `support` (n, k): old points between which a new one lies, or -1."""
     result: Groups = {name: {} for name in groups}
     for dim in sorted({dim for parts in groups.values() for dim in parts}):
         entities = entities_of(dim).astype(np.int64)

@@ -430,11 +430,8 @@ def _assembled(form: fem.Form, rows: int) -> Array:
 def cell_energies(
     forms: Sequence[ufl.Form], space: fem.FunctionSpace, vectors: Array, weights: Array, degree: int
 ) -> Array:
-    """Σ of weight × xᵀ A_c x over columns x of `vectors`, (cells,) for the cells c of this rank.
-
-    A_c: matrix of the sum of the bilinear `forms` over a cell; `degree`: at most this of
-    quadrature.
-    """
+    """Σ of weight × xᵀ A_c x over columns x of `vectors`, (cells,) of this rank, A_c of the sum of
+    bilinear `forms`, to this `degree`."""
     x = fem.Function(space)
     cell = cellwise_function(space.mesh)
     q = ufl.TestFunction(cell.function_space)

@@ -184,12 +184,9 @@ def _loaded_once() -> Iterator[None]:
 
 @contextmanager
 def _ffcx_mended() -> Iterator[None]:
-    """Context without two faults of FFCx 0.5.
-
-    FFCx 0.5 numbers derivatives by x, y, z, while Basix numbers them by the directions of the cell:
-    on a shell in space, derivatives of second and higher order differ. It also never closes the
-    empty C file by which it claims a compilation, so that Python warns of it.
-    """
+    """Context without two faults of FFCx 0.5: it numbers second and higher derivatives on a shell
+    by x, y, z, Basix by directions of the cell; it never closes the empty C file that claims a
+    compilation."""
     if FFCX_VERSION >= (0, 6):
         yield
         return

@@ -79,10 +79,7 @@ MOST_RESTARTS = 12
 
 
 class LoadedPart:
-    """Loads on a part: their forces, and what they add to its tangent stiffness.
-
-    `loads` in its axes, without gravity and tensions; `initial`: group -> stress-free strain.
-    """
+    """Loads on a part in its axes, but gravity and tensions: forces and tangent stiffness."""
 
     def __init__(
         self, part: MeshedStructure, loads: Prestress, initial: Mapping[str, float]

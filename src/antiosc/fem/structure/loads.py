@@ -102,14 +102,10 @@ def stacked_rows(displacements: Sparse, rotations: Sparse) -> Sparse:
 
 @dataclass(frozen=True, eq=False)
 class PointMotion:
-    """Motion of a point as six rows of a matrix on u: displacements x, y, z, then rotations.
-
-    `space` (6, 6): projection on those that the point has.
-    """
+    """Motion of a point as six rows of a matrix on u: displacements x, y, z, then rotations."""
 
     functionals: Sparse  # (6, n) functionals of the displacement, then of the rotation
-    #: (6, 6) projection on those that the point has: on a solid no rotation
-    space: Array
+    space: Array  # (6, 6) projection on those that the point has: on a solid no rotation
     point: Array  # (3,) coordinates, m
 
     @cached_property

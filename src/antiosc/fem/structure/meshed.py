@@ -162,11 +162,8 @@ class Member:
 
 @dataclass(eq=False)
 class PartsMatrices(StructureMatrices):
-    """K and M of one or several parts with meshes.
-
-    Motions of all parts are u = T q, and K = Tᵀ K_b T for their block-diagonal K_b. Of a single
-    part T is the identity but for fixed dofs.
-    """
+    """K = Tᵀ K_b T and M of parts with meshes, whose motions are u = T q (identity but for fixed
+    dofs of a single part)."""
 
     meshed: ClassVar[bool] = True
 

@@ -425,12 +425,8 @@ WHOLE_LOAD_SHARE = 0.99
 
 
 def patch_of(matrices: PartsMatrices, site: Functional, solver: Solver) -> dict[str, float] | None:
-    """Data of a site's patch for the error budget, as JSON values; None for a point.
-
-    "faces": size of the faces there [m]; "cut": 1 if an edge cuts the patch; of a patch with
-    another "radius" [m]: "compliance", the change of the compliance without that of the half-space
-    [m/N].
-    """
+    """Data of a site's patch for the error budget, JSON values as in `ModelInfo.notes`; None for a
+    point."""
     place = site.place
     if site.radius is None or place is None:
         return None

@@ -230,11 +230,9 @@ class ModeSolver:
         return self._found
 
     def _by_krylov(self, count: int) -> Modes:
-        """Another round of the search, orthogonal to the modes found before.
-
-        If equal parts repeat all frequencies, the Krylov space ends early, and rounding errors seem
-        converged: shapes of large residuals are rejected, and found by LAPACK or one more search.
-        """
+        """Another round of the search, orthogonal to known modes. Where equal parts end the Krylov
+        space early, shapes of large residuals are rejected, and found by LAPACK or one more
+        search."""
         structure = self._structure
         found_modes = self._found
         known_count = len(found_modes.omega)
@@ -371,12 +369,9 @@ def _polished(structure: Structure, modes: Modes) -> Modes:
 def polish(
     phi: Array, strains: Callable[[Array], Array], masses: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
-    """(ω², φ) of approximate eigenvectors φ of unit mass, improved by a step of Ogita and Aishima.
-
-    `strains`, `masses`: φ -> φᵀKφ, φᵀMφ. A dense eigensolver errs by ε times the highest ω² in all
-    ω². After the step φ(1 + T) the products are diagonal up to the square of the error (Japan J.
-    Indust. Appl. Math. 35 (2018) 1007); close modes are separated among themselves.
-    """
+    """(ω², φ) of a dense eigensolver, which errs by ε times the highest ω², improved by a step of
+    Ogita and Aishima (Japan J. Indust. Appl. Math. 35 (2018) 1007); by `strains`, `masses`: φ ->
+    φᵀKφ, φᵀMφ."""
     poles = np.zeros(phi.shape[1])
     for _ in range(2):
         strain, mass = (_symmetric(products(phi)) for products in (strains, masses))

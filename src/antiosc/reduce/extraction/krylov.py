@@ -76,12 +76,8 @@ EXTRA_STEPS = 20
 
 
 class Lanczos:
-    """Block Lanczos recurrence of one model of p ≥ 1 sites: vectors V, at rest there, VᵀAV = 1.
-
-    `load`: right-hand sides (rows, k) whose solutions `advance` takes next; `H`: VᵀMV (steps,
-    steps); `applied`: number of vectors to which T is applied; `room`: number of vectors to
-    allocate first.
-    """
+    """Block Lanczos recurrence of a model of p ≥ 1 sites: vectors V, at rest there, VᵀAV = 1, H =
+    VᵀMV, next right-hand sides `load` (rows, k), number `applied` of vectors with T applied."""
 
     def __init__(
         self,
@@ -236,11 +232,8 @@ class Lanczos:
         return int(np.sum(shares_at_sites(self._static.k0, m0, P, poles) > tol))
 
     def with_recurrence(self, modes: Modes) -> Modes:
-        """The modes with their `Recurrence`, for which one more step is made.
-
-        There is none for inexact solves, with dampers, for several sites whose space is exhausted,
-        and where the model omits rigid-body modes that move the sites.
-        """
+        """The modes with their `Recurrence` by one more step; none for inexact solves, dampers,
+        sites whose space is exhausted, and omitted rigid-body modes that move the sites."""
         static, solver = self._static, self._solver
         omitted = np.abs(static.missed * np.sqrt(static.mass.diagonal())).max(initial=0.0)
         if solver.error > COUPLING_ROUNDING or self._terms or omitted > COUPLING_ROUNDING:

@@ -447,11 +447,9 @@ UNDAMPED_SHARE = 1e-12
 def with_damping(
     structure: Structure, model: AntiOscillators, static: SiteShapes, terms: Sequence[Dissipation]
 ) -> AntiOscillators:
-    """The model with damping `terms` and the structure's loss factors, ζ_j = Σ η_m U_jm/(2 U_j).
-
-    The latter by modal strain energy (E. Ungar, E. Kerwin, *J. Acoust. Soc. Am.* 34 (1962) 954).
-    InputError if the terms act on motions that the model lacks.
-    """
+    """The model with damping `terms` and loss factors by modal strain energy, ζ_j = Σ η_m U_jm/(2
+    U_j) (E. Ungar, E. Kerwin, *J. Acoust. Soc. Am.* 34 (1962) 954); InputError for motions it
+    lacks."""
     body = model.free_modes
     assert body.basis is not None
     assert body.shape is not None

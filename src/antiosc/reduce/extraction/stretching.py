@@ -82,11 +82,8 @@ class _PartMotions(NamedTuple):
 def _second_order(
     structure: Structure, motions: Array, pairs: list[tuple[int, int]]
 ) -> tuple[list[_PartMotions], Array]:
-    """(parts with their motions (dofs, k), second-order loads g_ij (dofs, pairs)).
-
-    The loads are zero on fixed dofs. InputError for several ranks, superelements, and families
-    without second-order strain.
-    """
+    """(parts with motions (dofs, k), second-order loads g_ij (dofs, pairs), zero on fixed dofs);
+    InputError for ranks, superelements, families without second-order strain."""
     from antiosc.fem.elements.second_order import points_of  # needs dolfinx
 
     if not structure.matrices.meshed:
@@ -120,12 +117,8 @@ def _second_order(
 
 
 def excited_motions(omega: Array, B: Array, count: int) -> Array:
-    """Orthonormal combinations (J, m) of free modes that forces at the sites excite, m <= count.
-
-    `omega` (J,), `B` (J, P): frequencies and displacements of the sites in the modes. The
-    combinations span the Krylov space of the flexibility from the local dent Λ⁻¹b, which takes many
-    modes.
-    """
+    """Orthonormal combinations (J, m) of free modes omega (J,), B (J, P) that forces at the sites
+    excite: the Krylov space of the flexibility from the local dent Λ⁻¹b."""
     elastic = omega > 0
     if not elastic.any():
         raise InputError("stretch needs a model with elastic modes: raise n.")

@@ -327,11 +327,8 @@ def _check_distance(site: Site, place: Place) -> None:
 
 
 class ReleasedSupports:
-    """Reactions of supports as virtual work on motions of the structure that release one support.
-
-    `centres`: support -> (3,) mean of its nodes [m]; `pulled` (rows of this rank, 6 S): forces on
-    the free dofs due to the 6 unit rigid motions of each of S supports.
-    """
+    """Reactions of S supports as virtual work on motions that release one: `centres` [m] by name,
+    `pulled` (rows, 6 S) forces on free dofs by their unit rigid motions."""
 
     def __init__(self, matrices: PartsMatrices, supports: Sequence[Support]) -> None:
         self._of = matrices

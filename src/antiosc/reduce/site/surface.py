@@ -217,13 +217,9 @@ def _gathered_patch(faces: Faces, facets: IntArray, nearest: Array, gap: Array) 
 
 
 def inner_points(matrices: PartsMatrices, part: str | None, spacing: float) -> Array:
-    """Points (n, 3) [m] along the sharp inner edges of solids, at most `spacing` [m] apart.
-
-    In a corner of more than 180° the stress grows as r^-0.46 at 270° (M. L. Williams, J. Appl.
-    Mech. 19 (1952) 526); the value on a mesh grows with every refinement. At a fillet it has a
-    limit: its curved faces are tangent, so that the normals of quadratic faces distinguish it from
-    an edge.
-    """
+    """Points (n, 3) [m], `spacing` apart, along sharp inner edges of solids, where stress on a mesh
+    grows with refinement, as r^-0.46 at 270° (M. L. Williams, J. Appl. Mech. 19 (1952) 526);
+    fillets are tangent."""
     found = [np.zeros((0, 3))]
     for member in matrices.members(part):
         faces = member.part.faces
