@@ -39,7 +39,13 @@ def free_modes(model: Parameters) -> ModalBody | SiteModes:
     """The free modes of a model, hidden rigid ones first, in lambda (one site without a name) or u
     and eta (several), then amplitudes of the hidden motions."""
     p, hidden = model.n_sites, model.hidden_count
-    of_lambda, to_shapes = _coordinates(model)
+
+    # coordinates from u and eta, amplitudes of shapes from these (Article (8))
+    of_lambda = np.diag(model.unit)
+    to_shapes = np.eye(len(of_lambda))
+    if not model.sites:
+        of_lambda[1:, 0] = 1.0
+        to_shapes[1:, 0] = -1.0
 
     if model.sites or isinstance(model.damping, DampingMatrix):
         found = _damped_modes(model)
@@ -109,16 +115,6 @@ def _with_hidden(shape: Array, hidden: int) -> Array:
     padded = np.pad(shape, ((0, hidden), (hidden, 0)))
     padded[len(shape) :, :hidden] = np.eye(hidden)
     return padded
-
-
-def _coordinates(model: Parameters) -> tuple[Array, Array]:
-    """(coordinates from u and eta, amplitudes of shapes from these (Article (8))), matrices."""
-    of_lambda = np.diag(model.unit)
-    to_shapes = np.eye(len(of_lambda))
-    if not model.sites:
-        of_lambda[1:, 0] = 1.0
-        to_shapes[1:, 0] = -1.0
-    return of_lambda, to_shapes
 
 
 def _modes_at_one_site(model: Parameters) -> ReducedModes:

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import shown
 from antiosc.base.errors import InputError, name_list
 from antiosc.base.stresses import (
@@ -123,7 +123,10 @@ def stress_errors_of_part(part: MeshedStructure, shapes: Array, factors: Array) 
     np.add.at(count, slot_of, 1.0)
     _join_ranks(part, slots, total, count, np.add)
     means = total[..., 0] / count[:, None]
-    alone = (count == 1) | _is_fold(means[:, stresses.shape[2] :])
+    alone = count == 1
+    if normals.shape[2]:  # at folds
+        spread = np.linalg.eigvalsh(tensors_of_components(means[:, stresses.shape[2] :]))
+        alone |= spread[:, -1] < FOLD_EIGENVALUE
     size = von_mises_of_components if part.kind.name == "solid" else vector_length
     difference = size(stresses - means[slot_of, : stresses.shape[2]])
     elsewhere = np.where(alone[slot_of] & (count[slot_of] > 1), 0.0, difference)
@@ -164,29 +167,18 @@ def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> 
             tensors = np.einsum("pck,pk->pc", columns, at_points)
             sides.append(von_mises_of_components(tensors.reshape(-1, len(X), 6)))
         stresses[cells, :, 0] = np.max(sides, axis=0)
-        normals[cells] = _products_of_normals(part, cells, X)
+
+        _, J = part.mesh.geometry.at(np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
+        normal = np.cross(J[:, :, 0], J[:, :, 1])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        products = [normal[:, i] * normal[:, j] for i, j in COMPONENT_AXES]  # of either sign
+        normals[cells] = np.stack(products, axis=1).reshape(len(cells), len(X), 6)
 
     return stresses, normals
 
 
-def _products_of_normals(part: MeshedStructure, cells: IntArray, X: Array) -> Array:
-    """Products n_i n_j (C, n, 6) of a sheet's normals at nodes of cells, of either sign."""
-    _, J = part.mesh.geometry.at(np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
-    normal = np.cross(J[:, :, 0], J[:, :, 1])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    products = [normal[:, i] * normal[:, j] for i, j in COMPONENT_AXES]
-    return np.stack(products, axis=1).reshape(len(cells), len(X), 6)
-
-
 #: Least eigenvalue of the mean of n nᵀ over cells around a smooth node: 0.93 of two at 30°.
 FOLD_EIGENVALUE = 0.93
-
-
-def _is_fold(products: Array) -> BoolArray:
-    """Mask (S,) of the nodes at folds, from mean products of normals (S, 6); (S, 0): none is."""
-    if not products.shape[1]:
-        return np.zeros(len(products), dtype=bool)
-    return np.asarray(np.linalg.eigvalsh(tensors_of_components(products))[:, -1] < FOLD_EIGENVALUE)
 
 
 def _join_ranks(

@@ -97,7 +97,11 @@ def free_motions(
     layout: Layout, bodies: Sequence[RigidDofs], constraints: Sparse, fixed: BoolArray, scale: Array
 ) -> tuple[Array, int]:
     """(strain-free motions (n, k) that meet all constraints, how many move the whole rigidly)."""
-    rows = _scaled_rows(constraints, fixed, scale)
+    size = np.asarray(abs(constraints) @ scale).ravel()
+    scaled = scipy.sparse.diags(1 / size[size > 0]) @ constraints[size > 0]
+    units = scipy.sparse.diags(1 / scale[fixed]) @ scipy.sparse.identity(len(fixed)).tocsr()[fixed]
+    rows = scipy.sparse.vstack([scaled, units]).tocsr()
+
     whole = [_rigid_body(layout.places, "all", np.arange(layout.count), layout.middle, layout.size)]
     N, R = (_motions_of(of, layout.count) for of in (bodies, whole))
     return np.asarray(N @ _null_space(rows @ N)), _null_space(rows @ R).shape[1]
@@ -115,17 +119,6 @@ def _motions_of(bodies: Sequence[RigidDofs], size: int) -> Sparse:
     rows = np.concatenate([body.rows for body in bodies])
     indices = rows[blocks.row], blocks.col
     return scipy.sparse.csr_matrix((blocks.data, indices), shape=(size, blocks.shape[1]))
-
-
-def _scaled_rows(constraints: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
-    """The constraints (m, n) scaled to unit size by `scale` (n,), then a row for each fixed dof."""
-    size = np.asarray(abs(constraints) @ scale).ravel()
-    nonzero = size > 0
-    units = scipy.sparse.identity(len(fixed), format="csr")[np.flatnonzero(fixed)]
-    units = scipy.sparse.diags(1 / scale[fixed]) @ units
-    scaled = scipy.sparse.diags(1 / size[nonzero]) @ constraints[nonzero]
-
-    return scipy.sparse.vstack([scaled, units]).tocsr()
 
 
 def _null_space(E: Array | Sparse) -> Array:

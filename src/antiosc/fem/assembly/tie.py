@@ -67,11 +67,6 @@ class Facets(Entities):
         return np.asarray(raw_normals / np.linalg.norm(raw_normals, axis=1, keepdims=True))
 
     @property
-    def is_edge_of_sheet(self) -> bool:
-        """Whether the facets are edges of shell cells."""
-        return self.dim == 1 and self.member.part.kind.sheet
-
-    @property
     def degree(self) -> int:
         """Total polynomial degree of the displacements on a face."""
         degree = self.member.part.form.degree
@@ -270,7 +265,8 @@ def _projection_rows(
 
     constraints: list[Rows] = []
 
-    if follower.is_edge_of_sheet and not leader.member.has_rotations and is_covered.any():
+    is_edge = follower.dim == 1 and follower.member.part.kind.sheet
+    if is_edge and not leader.member.has_rotations and is_covered.any():
         displacements, rotated, normals = edge_on_solid(layout, follower, leader, common, label)
         leader_motions: list[tuple[tuple[str, ...], Sparse]] = [(DISPLACEMENTS, displacements)]
         rotations = [layout.dofs(follower.member, nodes, name) for name in ROTATIONS]

@@ -106,12 +106,11 @@ def _solid_strain(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
         degree = 2 * order + 1
     if any(not hasattr(material, "plane") for material, _ in parts):  # some have directions
         C = coefficient(mesh, parts, lambda s: s.voigt)
-
-        def voigt_eta(a: Expr, b: Expr) -> Expr:
-            return voigt_strain(solid_eta(a, b))
-
         return SecondOrderStrain(
-            lambda u: voigt_strain(ufl.sym(ufl.grad(u))), voigt_eta, lambda e: C * e, degree
+            lambda u: voigt_strain(ufl.sym(ufl.grad(u))),
+            lambda a, b: voigt_strain(solid_eta(a, b)),
+            lambda e: C * e,
+            degree,
         )
 
     stress = isotropic_stress(mesh, parts)

@@ -157,7 +157,7 @@ class CurvedCells(Cells):
         for_m: QuadratureRule,
     ) -> None:
         super().__init__(nodes)
-        self._given = nodes, x, constants
+        self.given = nodes, x, constants
         _, self._gradients, weights = for_k
         values, gradients, mass_weights = for_m
         self._values = np.ascontiguousarray(values)
@@ -172,10 +172,6 @@ class CurvedCells(Cells):
         J = np.einsum("cni,qna->cqia", x, gradients, optimize=True)
         volumes = mass_weights * np.abs(np.linalg.det(J))
         self._masses = padded_lanes(volumes * constants[:, 2:])
-
-    def by_rules(self, for_k: QuadratureRule, for_m: QuadratureRule) -> CurvedCells:
-        """The same cells with other quadrature."""
-        return CurvedCells(*self._given, for_k, for_m)
 
     @property
     def _arrays(self) -> Sequence[Array]:
@@ -330,16 +326,6 @@ class Tetrahedra:
             seconds=STRAIGHT_PRODUCTS.seconds + curved * CURVED_PRODUCTS.seconds,
         )
 
-    def _node_blocks(self, k: float, m: float) -> Array:
-        """The diagonal 3×3 blocks of k K + m M summed over the cells of this rank: (dofs, 3)."""
-        result = np.zeros((self._dofs // 3, 3, 3))
-        for cells in self._kinds:
-            for nodes, blocks in zip(cells.nodes.T, cells.blocks(k, m), strict=True):
-                for a, b in np.ndindex(3, 3):
-                    result[:, a, b] += np.bincount(nodes, blocks[:, a, b], len(result))
-
-        return result.reshape(-1, 3)
-
     def product(self, x: Array, k: float, m: float, linear: bool = False) -> Array:
         """(k K + m M) x in the precision of x (rows of this rank[, columns]); `linear`: in each
         cell."""
@@ -384,18 +370,25 @@ class Tetrahedra:
 
     def blocks(self, k: float, m: float) -> Array:
         """The diagonal 3×3 blocks of k K + m M, (rows of this rank, 3)."""
-        result = compat.ghosts_added(self._form.space, self._node_blocks(k, m))
+        of_cells = np.zeros((self._dofs // 3, 3, 3))
+        for cells in self._kinds:
+            for nodes, blocks in zip(cells.nodes.T, cells.blocks(k, m), strict=True):
+                for a, b in np.ndindex(3, 3):
+                    of_cells[:, a, b] += np.bincount(nodes, blocks[:, a, b], len(of_cells))
+
+        result = compat.ghosts_added(self._form.space, of_cells.reshape(-1, 3))
         for factor, matrix in self._matrices(k, m):
-            _add_blocks(result, factor, matrix)
+            pointers, columns, values = matrix.getValuesCSR()
+            rows = np.repeat(np.arange(len(result)), np.diff(pointers))
+            columns = columns - matrix.getOwnershipRange()[0]
+            same_node = rows // 3 == columns // 3
+            np.add.at(result, (rows[same_node], columns[same_node] % 3), factor * values[same_node])
+
         blocks = result.reshape(-1, 3, 3)
         blocks[self._held // 3, self._held % 3, :] = 0.0
         blocks[self._held // 3, :, self._held % 3] = 0.0
         result[self._held, self._held % 3] = k
         return result
-
-    def entries(self, k: float, m: float) -> PETSc.Mat:
-        """The assembled matrix k K + m M."""
-        return self._assembled(self._form, self._conditions, k, m, self.added)
 
     def coarse(self, P: PETSc.Mat, fixed: IntArray) -> Tetrahedra:
         """Linear elements on these cells, `fixed` dofs of this rank; the added matrices projected
@@ -412,7 +405,8 @@ class Tetrahedra:
         result = copy(self)
         rules = 2 * [_quadrature(self._mesh, self._form, SMOOTHING_DEGREE)]
         result._kinds = [
-            cells.by_rules(*rules) if isinstance(cells, CurvedCells) else cells for cells in kinds
+            CurvedCells(*cells.given, *rules) if isinstance(cells, CurvedCells) else cells
+            for cells in kinds
         ]
         return result
 
@@ -421,23 +415,17 @@ class Tetrahedra:
         """The weak form of linear elements on these cells."""
         return weak_form_of(self._mesh, self._parts, 1)
 
-    def _assembled(
-        self,
-        form: WeakForm,
-        conditions: Mapping[tuple[int, ...], IntArray],
-        k: float,
-        m: float,
-        added: Sequence[PETSc.Mat],
-    ) -> PETSc.Mat:
-        """k K + m M of a form, with boundary conditions and added matrices."""
+    def entries(self, k: float, m: float) -> PETSc.Mat:
+        """The assembled matrix k K + m M."""
+        form = self._form
         total: PETSc.Mat | None = None
         pattern = PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN
         for factor, forms, added_matrix, diagonal in zip(
-            (k, m), (form.stiffness, form.mass), added, (1.0, 0.0), strict=True
+            (k, m), (form.stiffness, form.mass), self.added, (1.0, 0.0), strict=True
         ):
             if not factor:
                 continue
-            matrix = compat.assemble(forms, form.space, conditions, diagonal)
+            matrix = compat.assemble(forms, form.space, self._conditions, diagonal)
             if self.carries:
                 # an interpolation stores zeros, by which points meet cells beside their own
                 matrix.axpy(1.0, added_matrix, structure=pattern)
@@ -475,12 +463,3 @@ def _quadrature(mesh: Mesh, form: WeakForm, degree: int) -> QuadratureRule:
     values = compat.tabulate(form.space, (0,), X)
     gradients = compat.tabulate_slopes(form.space, (0,), X)
     return values, np.ascontiguousarray(gradients), weights
-
-
-def _add_blocks(blocks: Array, factor: float, matrix: PETSc.Mat) -> None:
-    """Add `factor` times the diagonal 3×3 blocks of a sparse matrix to `blocks`."""
-    pointers, columns, values = matrix.getValuesCSR()
-    rows = np.repeat(np.arange(len(blocks)), np.diff(pointers))
-    columns = columns - matrix.getOwnershipRange()[0]
-    same_node = rows // 3 == columns // 3
-    np.add.at(blocks, (rows[same_node], columns[same_node] % 3), factor * values[same_node])

@@ -162,7 +162,11 @@ class Walks:
 
         self._columns = np.diff(L.start)
         self._supernode = np.repeat(np.arange(len(self._columns)), self._columns)
-        self._parent = _parents(L.row, L.rows, self._columns, self._supernode)
+
+        # of each supernode in the elimination tree; -1: a root
+        self._parent = np.full(len(self._columns), -1)
+        below = np.diff(L.row) > self._columns
+        self._parent[below] = self._supernode[L.rows[(L.row[:-1] + self._columns)[below]]]
 
     def compliances(self, loads: scipy.sparse.csc_matrix) -> Array:
         """bᵀA⁻¹b of every column of `loads` (n, k): (k,)."""
@@ -209,14 +213,6 @@ class Walks:
             z[d:] -= block[d:, c:d] @ z[c:d]
 
         return z
-
-
-def _parents(row: IntArray, rows: IntArray, columns: IntArray, supernode: IntArray) -> IntArray:
-    """Parent (supernodes,) of each supernode in the elimination tree; -1 for a root."""
-    below = np.diff(row) > columns
-    parent = np.full(len(columns), -1)
-    parent[below] = supernode[rows[(row[:-1] + columns)[below]]]
-    return parent
 
 
 def _branch(supernodes: IntArray, parent: IntArray) -> list[int]:

@@ -41,7 +41,13 @@ class Smoother:
         self._A = A
         self._product: CellProduct | None = A.getAttr(CELLS_KEY)
         self._real: Any = np.float32 if self._product else np.float64
-        self._inverse = inverse_blocks(A).astype(self._real)
+        b = A.getBlockSize()
+        if self._product:
+            blocks = self._product.cells.blocks(self._product.k, self._product.m)
+            inverse = np.linalg.inv(blocks.reshape(-1, b, b))
+        else:
+            inverse = np.ascontiguousarray(A.invertBlockDiagonal()).reshape(-1, b, b)
+        self._inverse = inverse.astype(self._real)
         self._rows = A.getLocalSize()[0]
         self._residual, self._step, self._total = (self._vector() for _ in range(3))
 
@@ -102,12 +108,3 @@ class Smoother:
             x /= size
 
         return size
-
-
-def inverse_blocks(A: PETSc.Mat) -> Array:
-    """D⁻¹ (n, b, b) on the rows of this rank, D the diagonal blocks of the nodes of A."""
-    size = A.getBlockSize()
-    product = A.getAttr(CELLS_KEY)
-    if product:
-        return np.linalg.inv(product.cells.blocks(product.k, product.m).reshape(-1, size, size))
-    return np.ascontiguousarray(A.invertBlockDiagonal()).reshape(-1, size, size)

@@ -140,8 +140,13 @@ def sound(
             "give their nodes in order around each side, or mesh it anew",
         )
 
-    if not pieces:
-        _refuse_pieces(raw, name, by)
+    if not pieces and (count := int(piece_of_cells(raw).max()) + 1) > 1:
+        raise pieces_error(
+            raw,
+            f"{name} falls into {count} pieces that share no node",
+            "join them (nodes that coincide: merge; solids of a CAD file: fragments; in gmsh: "
+            f"BooleanFragments) or read the piece of interest ({by}).",
+        )
     if made_here and kind.order == 2 and kind.shape in SIMPLEX_EDGES:
         return replace(raw, points=straightened(raw.points, raw.cells, kind.shape))
 
@@ -155,18 +160,6 @@ def sound(
             errors.warn(message(bad, "fold over themselves", remedy))
 
     return raw
-
-
-def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
-    """MeshError if the mesh has pieces without a common node."""
-    count = int(piece_of_cells(raw).max()) + 1
-    if count > 1:
-        raise pieces_error(
-            raw,
-            f"{name} falls into {count} pieces that share no node",
-            "join them (nodes that coincide: merge; solids of a CAD file: fragments; in gmsh: "
-            f"BooleanFragments) or read the piece of interest ({by}).",
-        )
 
 
 # -- Folded and collapsed cells have a bad Jacobian; they are straightened if gmsh made them.
@@ -399,7 +392,12 @@ def read_mesh(
     if isinstance(parts, str):
         raise InputError(f"parts must be a list of names; got {shown(parts)}.")
     cells = parts if cells is None else cells
-    _check_selection(cells)
+    if isinstance(cells, str):
+        text("cells", cells)
+    elif not isinstance(cells, list | tuple):
+        whole("cells", 1 if cells is None else cells, 1, 3)
+    elif not cells or not all(isinstance(c, str) and c for c in cells):
+        raise InputError(f"cells must be a dimension or names of groups; got {shown(cells)}.")
     units = None if unit is None else UnitSystem.of(unit)
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     if groups is not None:
@@ -482,16 +480,6 @@ def check_refinements(refine: Sequence[Refinement]) -> None:
         floats("a point of refine", point, shape)
         positive("a size of refine", local, "m")
         positive("a growth of refine", growth)
-
-
-def _check_selection(cells: object) -> None:
-    """InputError unless `cells` is None, a dimension from 1 to 3, a name or a list of names."""
-    if isinstance(cells, str):
-        text("cells", cells)
-    elif not isinstance(cells, list | tuple):
-        whole("cells", 1 if cells is None else cells, 1, 3)
-    elif not cells or not all(isinstance(c, str) and c for c in cells):
-        raise InputError(f"cells must be a dimension or names of groups; got {shown(cells)}.")
 
 
 def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:

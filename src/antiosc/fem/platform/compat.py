@@ -44,7 +44,14 @@ def create_mesh(
 ) -> dolfinx.mesh.Mesh:
     """A mesh from arrays of rank 0, in dolfinx's order; MeshError at what would end the process."""
     gdim = x.shape[1]
-    _refuse_double_nodes(comm, cells, cell)
+    corners, inner_nodes = np.split(cells, [CORNER_COUNT[cell]], axis=1)
+    double_nodes = comm.allreduce(int(np.isin(inner_nodes, corners).sum()))
+    if double_nodes:
+        raise MeshError(
+            f"{double_nodes} nodes inside sides of cells are corners of cells too: merge nodes "
+            "within a smaller distance, or mesh the part anew."
+        )
+
     domain = ufl.Mesh(_element("Lagrange", cell, degree, gdim, gdim))
     if OLD_DOLFINX:
         return dolfinx.mesh.create_mesh(comm, cells, x, domain)
@@ -74,18 +81,6 @@ def _element(family: str, cell: str, degree: int, size: int, gdim: int) -> objec
 
 #: Number of corners of the cells.
 CORNER_COUNT = {"interval": 2, "triangle": 3, "quadrilateral": 4, "tetrahedron": 4, "hexahedron": 8}
-
-
-def _refuse_double_nodes(comm: MPI.Comm, cells: IntArray, cell: str) -> None:
-    """MeshError if a corner of a cell is an inner node of another cell."""
-    corners = cells[:, : CORNER_COUNT[cell]]
-    inner_nodes = cells[:, CORNER_COUNT[cell] :]
-    double_nodes = comm.allreduce(int(np.isin(inner_nodes, corners).sum()))
-    if double_nodes:
-        raise MeshError(
-            f"{double_nodes} nodes inside sides of cells are corners of cells too: merge nodes "
-            "within a smaller distance, or mesh the part anew."
-        )
 
 
 def _all_on_root(

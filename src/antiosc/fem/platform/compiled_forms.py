@@ -68,21 +68,15 @@ def _shared_folder(folder: Path) -> Iterator[None]:
         if folder not in _cleared_folders:
             with suppress(OSError):  # somebody else compiles, or the file system has no locks
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                _remove_leftovers(folder)
+                ready = {path.with_suffix("") for path in folder.glob("*.cached")}
+                for source in ready.symmetric_difference(folder.glob("*.c")):
+                    source.unlink(missing_ok=True)
+                    source.with_suffix(".c.cached").unlink(missing_ok=True)
                 _cleared_folders.add(folder)
 
         with suppress(OSError):
             fcntl.flock(file, fcntl.LOCK_SH)
         yield
-
-
-def _remove_leftovers(folder: Path) -> None:
-    """Remove sources without a library that is ready, and the reverse."""
-    for source in {*folder.glob("*.c"), *(p.with_suffix("") for p in folder.glob("*.cached"))}:
-        ready = source.with_suffix(".c.cached")
-        if source.exists() != ready.exists():
-            source.unlink(missing_ok=True)
-            ready.unlink(missing_ok=True)
 
 
 @contextmanager

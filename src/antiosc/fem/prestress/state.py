@@ -307,7 +307,12 @@ def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
     with doing("static step of the prestress"):
         solver, _ = base.factored(math.inf)
         initial = tendon_strains(base, loads.tension, solver)
-        dead = zero_on_fixed(base, dead_forces(base, loads) + gravity_loads(base, loads))
+        dead = dead_forces(base, loads)
+        g = np.array(loads.gravity)
+        if g.any():
+            size = float(np.linalg.norm(g))
+            dead += size * base.uniform_inertia(g / size)
+        dead = zero_on_fixed(base, dead)
         loaded = LoadedPart(base, loads, initial)
         q, K, tangent = equilibrium(base, loaded, dead, solver)
         geometric = loaded.stiffness(q, geometric=True)
@@ -325,13 +330,6 @@ def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
     return replace(
         base, K=K, reassembled=reassembled, preload=preload, unloaded=base, solver_of_K=tangent
     )
-
-
-def gravity_loads(base: MeshedStructure, loads: Prestress) -> Array:
-    """Gravity loads (rows of this rank,)."""
-    g = np.array(loads.gravity)
-    size = float(np.linalg.norm(g))
-    return size * base.uniform_inertia(g / size) if size else np.zeros(base.rows)
 
 
 def tendon_strains(

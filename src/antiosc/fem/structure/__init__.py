@@ -317,7 +317,13 @@ def modes_and_shift(
 
     values = np.zeros(0)
     for _ in range(2):
-        factor = _solver_if_definite(K, shift, M)
+        try:
+            factor = _solver(sum_of(K, shift, M))
+        except NotConvergedError as error:
+            raise InputError(
+                INDEFINITE_MESSAGE.format(f"K + {shift:.1e} M rad²/s² has no Cholesky factor")
+            ) from error
+
         for _ in range(8):
             block = orthonormal_basis(comm, M, block)
             block = np.column_stack([factor.solve(c) for c in multiply(M, block).T])
@@ -368,16 +374,6 @@ def _rigid_energy_limit(K: Matrix) -> float:
     """The ratio xᵀKx/xᵀDx, D the diagonal of K, of rigid motions x; products by strains round
     less."""
     return RIGID_FORCE**2 if uses_strains(K) else RIGID_FORCE
-
-
-def _solver_if_definite(K: Matrix, shift: float, M: Matrix) -> Solver:
-    """A solver of K + shift M; InputError where that is not positive definite."""
-    try:
-        return _solver(sum_of(K, shift, M))
-    except NotConvergedError as error:
-        raise InputError(
-            INDEFINITE_MESSAGE.format(f"K + {shift:.1e} M rad²/s² has no Cholesky factor")
-        ) from error
 
 
 def _solver(A: Matrix) -> Solver:

@@ -218,16 +218,6 @@ class ElasticTerm:
         return [Dissipation(G, c, tau) for c, tau in [*constants, *self.branches]]
 
 
-def _values_by_component(attached: Attachment) -> dict[str, float]:
-    """Component -> mass, moment of inertia, stiffness or damping."""
-    if isinstance(attached, Spring):
-        return dict(attached.stiffness)
-    if isinstance(attached, Damper):
-        return dict(attached.damping)
-    inertia = np.broadcast_to(attached.inertia, (3,)).tolist()
-    return dict(zip(COMPONENTS, [*[attached.mass] * 3, *inertia], strict=True))
-
-
 def terms_of(
     attached: Attachment,
     plane: bool,
@@ -235,10 +225,13 @@ def terms_of(
 ) -> list[ElasticTerm]:
     """The terms of an attachment with motions of points by `places`(where); `plane`: along x and y,
     about z."""
-    values = _values_by_component(attached)
-    names = list(values)
     if isinstance(attached, PointMass):
+        inertia = np.broadcast_to(attached.inertia, (3,)).tolist()
+        values = dict(zip(COMPONENTS, [*[attached.mass] * 3, *inertia], strict=True))
         names = [name for name in (("x", "y", "rz") if plane else COMPONENTS) if values[name]]
+    else:
+        values = dict(attached.stiffness if isinstance(attached, Spring) else attached.damping)
+        names = list(values)
     diagonal = np.diag([values[name] for name in names])
     zero = np.zeros_like(diagonal)
     kind = type(attached).__name__

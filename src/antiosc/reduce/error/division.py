@@ -37,7 +37,7 @@ import numpy as np
 import scipy.sparse
 from mpi4py import MPI
 
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array
 from antiosc.base.clock import clock
 from antiosc.base.errors import InputError, MeshError, without_warnings
 from antiosc.base.progress import doing
@@ -53,6 +53,7 @@ from antiosc.fem.mesh.finer import (
     halving_scheme,
     refined,
     refined_near,
+    weights_at,
 )
 from antiosc.fem.mesh.reading import flattened, read_mesh, sound
 from antiosc.fem.mesh.surface import mean_thickness, volume_and_surface
@@ -164,25 +165,16 @@ def divided_structure(matrices: PartsMatrices) -> Structure:
         start_time = clock()
         with without_warnings(), doing("a mesh of half the size, for the error bar"):
             part = matrices.members()[0].part
-            groups, supports = _without_numbers(part)
+            groups, supports = dict(part.mesh.groups), list(part.supports)
+            for k, support in enumerate(supports):
+                if isinstance(support.where, NumberedNodes):  # new nodes have no numbers
+                    name = f"numbered nodes {k}"
+                    groups[name] = support.where.entities(part.mesh)
+                    supports[k] = Support(name, support.fix)
             fine = part.reassembled(divided_mesh(replace(part.mesh, groups=groups)), supports)
             _divided[matrices] = structure_with(fine, start_time)
 
     return _divided[matrices]
-
-
-def _without_numbers(part: MeshedStructure) -> tuple[dict[str, dict[int, IntArray]], list[Support]]:
-    """(groups, supports) of a part with groups in place of numbered nodes: new nodes have none."""
-    groups = {name: dict(entities) for name, entities in part.mesh.groups.items()}
-    supports = []
-    for k, support in enumerate(part.supports):
-        if isinstance(support.where, NumberedNodes):
-            name = f"numbered nodes {k}"
-            groups[name] = support.where.entities(part.mesh)
-            support = Support(name, support.fix)
-        supports.append(support)
-
-    return groups, supports
 
 
 def lacking_energies(stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
@@ -237,13 +229,10 @@ def _places_of_halves(part: MeshedStructure) -> Array:
     corners = part.mesh.geometry.corners
     shape = halving_scheme(part.mesh.cell)
     lattice = np.vstack([corners, *(corners[vertices].mean(axis=0) for vertices in shape.members)])
-    kind = getattr(basix.CellType, part.mesh.cell)
-    linear, of_part = (
-        basix.create_element(basix.ElementFamily.P, kind, degree, basix.LagrangeVariant.gll_warped)
-        for degree in (1, part.form.degree)
-    )
-    weights = linear.tabulate(0, np.asarray(of_part.points))[0, :, :, 0]
-    return np.asarray(weights @ lattice[shape.halves])
+    kind, family = getattr(basix.CellType, part.mesh.cell), basix.ElementFamily.P
+    variant = basix.LagrangeVariant.gll_warped
+    nodes = basix.create_element(family, kind, part.form.degree, variant).points
+    return np.asarray(weights_at(part.mesh.cell, 1, np.asarray(nodes)) @ lattice[shape.halves])
 
 
 class MeshSource(ABC):

@@ -156,18 +156,6 @@ class Lanczos:
         """w (rows,) with the response to those forces at the sites by which these do not move."""
         return self._static.constrained(self._comm, w)
 
-    def _extend_H(self) -> Array:
-        """Extend H by the new vectors; M times these are the next loads."""
-        first = len(self.H)
-        loads = multiply(self._M, self.vectors[:, first:])
-        column = dot(self._comm, self.vectors, loads)
-        H = np.zeros((self.steps, self.steps))
-        H[:first, :first] = self.H
-        H[:, first:] = column
-        H[first:] = column.T
-        self.H = (H + H.T) / 2
-        return loads
-
     def ritz(self, n: int) -> tuple[Array, Array]:
         """(θ = 1/(ω² + s), descending, eigenvectors) of T on n vectors; θ = 0: rounding."""
         H = self.H[:n, :n]
@@ -212,8 +200,12 @@ class Lanczos:
         self.applied = first
         if self.steps > first:
             self._ends.append(self.steps)
-        self.load = self._extend_H()
+
         new = self.vectors[:, first:]
+        self.load = multiply(self._M, new)
+        column = dot(self._comm, self.vectors, self.load)
+        H = np.block([[self.H, column[:first]], [column.T]])
+        self.H = (H + H.T) / 2
         relaxing = [multiply(term.matrix, new) for term in self._terms if term.matrix is not None]
         self._inertial = self.load.shape[1]
         self.load = np.hstack([self.load, *relaxing])

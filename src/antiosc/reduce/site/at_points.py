@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base import plausible
-from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import point_text as text
 from antiosc.base.errors import ChoiceWarning, InputError, SiteError, without_warnings
 from antiosc.base.texts import engineering, point_text
@@ -187,10 +187,13 @@ def _sites_on_mesh(
         plausible.patch_doubt(site.radius, extent) for site in sites if site.radius is not None
     )
 
-    leaving = _leaving(structure, nearest.x, directions, radii)
-    directions[leaving] *= -1.0
-    for x in placed(nearest.x[leaving]):
-        warn(structure.comm, TURNED_WARNING.format(point_text(x)), ChoiceWarning)
+    if structure.kind.outside:
+        contact = structure.surface_below(nearest.x, directions, radii)
+        cosines = np.einsum("pd,pd->p", directions, contact.normals)
+        leaving = np.isfinite(contact.depth) & (cosines > SURFACE_COSINE)
+        directions[leaving] *= -1.0
+        for x in placed(nearest.x[leaving]):
+            warn(structure.comm, TURNED_WARNING.format(point_text(x)), ChoiceWarning)
 
     sites_found = located_sites(structure, nearest.x, directions, radii, nearest)
     _check_sites(sites_found, placed)
@@ -199,17 +202,6 @@ def _sites_on_mesh(
 
 #: Of a direction that leaves the material: a contact pushes.
 TURNED_WARNING = "the direction of the site at {} leaves the material there: it is turned into it."
-
-
-def _leaving(
-    structure: MeshedStructure, points: Array, directions: Array, radii: Array
-) -> BoolArray:
-    """Mask (P,) of the sites on solids whose direction points out of the material."""
-    if not structure.kind.outside:
-        return np.zeros(len(points), dtype=bool)
-    contact = structure.surface_below(points, directions, radii)
-    cosines = np.einsum("pd,pd->p", directions, contact.normals)
-    return np.isfinite(contact.depth) & (cosines > SURFACE_COSINE)
 
 
 def _site_functionals(
