@@ -14,16 +14,6 @@ from antiosc.base import lazily
 __version__ = "0.1.0"
 
 _MODULES = lazily.names_in_stub(__file__)
-#: Modules that need the finite-element packages, or whose functions do.
-_MESHED = (
-    "antiosc.fem",
-    "antiosc.recovery",
-    "antiosc.reduce",
-    "antiosc.fields",
-    "antiosc.strikes",
-    "antiosc_decks",
-    "antiosc_studies",
-)
 #: Modules with names that `dir` leaves out here, but for these common ones.
 _NAMESPACES = ("errors", "joints", "laws", "results")
 _COMMON = {"Bolt", "ElasticPlastic", "Hertz", "Linear", "Tie"}
@@ -36,14 +26,7 @@ def __getattr__(name: str) -> Any:
         return import_module(f"antiosc.{name}")
     if name not in _MODULES:
         raise AttributeError(f"module 'antiosc' has no attribute {name!r}")
-    if _MODULES[name].startswith(_MESHED):
-        from antiosc.base.errors import finite_element_packages
-
-        with finite_element_packages():
-            value = getattr(import_module(_MODULES[name]), name)
-    else:
-        value = getattr(import_module(_MODULES[name]), name)
-    globals()[name] = value
+    value = globals()[name] = lazily.load(_MODULES[name], name)
     return value
 
 

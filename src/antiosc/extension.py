@@ -28,4 +28,4 @@ MODULES = {
     "antiosc_studies.drops": "falls: bodies, places at any time, pictures",
 }
 
-__all__, __getattr__ = lazily.door(__file__)
+__all__, __getattr__, __dir__ = lazily.door(__file__)

@@ -24,6 +24,7 @@ import numpy as np
 
 import antiosc as ao
 from antiosc import closed_form, plotting
+from antiosc.base import lazily
 from paths import DECKS
 
 MODULES = {
@@ -166,7 +167,7 @@ SHOWN = {"view"}
 def is_fem(name: str) -> bool:
     """Whether the function, or the class of the method, needs the finite-element packages."""
     module = ao._MODULES.get(name.partition(".")[0], "")
-    return module.startswith(ao._MESHED)
+    return module.startswith(lazily.MESHED)
 
 
 def _of_class(kind: type) -> dict[str, Callable[..., Any]]:

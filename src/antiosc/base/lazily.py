@@ -4,14 +4,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from antiosc.base.errors import finite_element_packages
+
 #: Imports of a stub, from a module as (several or) one of "name as name" or "*".
 _IMPORT = r"(?m)^from (\S+) import (\([^)]*\)|.*)$"
 _NAME = r"(\w+) as \w+"
+#: Modules that need the finite-element packages, or whose functions do.
+MESHED = (
+    "antiosc.fem",
+    "antiosc.recovery",
+    "antiosc.reduce",
+    "antiosc.fields",
+    "antiosc.strikes",
+    "antiosc_decks",
+    "antiosc_studies",
+)
 
 
 @cache
@@ -30,36 +43,22 @@ def names_in_stub(module: str) -> dict[str, str]:
     return names
 
 
-def namespace(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
-    """(`__all__`, `__getattr__`, `__dir__`) of a module whose names its stub (.pyi) lists."""
-    names = sorted(names_in_stub(module))
-
-    def getattr_(name: str) -> Any:
-        if name not in names:
-            raise AttributeError(f"{Path(module).stem} has no name {name!r}")
-        return getattr(import_module("antiosc"), name)
-
-    return names, getattr_, lambda: names
-
-
-def _load_name(module: str, name: str) -> Any:
+def load(module: str, name: str) -> Any:
     """A name of a module, or the module of that name in a package."""
-    try:
-        return getattr(import_module(module), name)
-    except AttributeError:
+    with finite_element_packages() if module.startswith(MESHED) else nullcontext():
+        loaded = import_module(module)
+        if hasattr(loaded, name):
+            return getattr(loaded, name)
         return import_module(f"{module}.{name}")
 
 
-def door(module: str) -> tuple[list[str], Callable[[str], Any]]:
-    """(`__all__`, `__getattr__`) of a module that imports the names of its stub on first use."""
+def door(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
+    """(`__all__`, `__getattr__`, `__dir__`) of a module that has the names of its stub (.pyi)."""
     modules = names_in_stub(module)
-    values: dict[str, Any] = {}
 
     def getattr_(name: str) -> Any:
         if name not in modules:
             raise AttributeError(f"{Path(module).stem} has no name {name!r}")
-        if name not in values:
-            values[name] = _load_name(modules[name], name)
-        return values[name]
+        return load(modules[name], name)
 
-    return sorted(modules), getattr_
+    return sorted(modules), getattr_, lambda: sorted(modules)
