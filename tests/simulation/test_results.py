@@ -25,6 +25,12 @@ def landed():
     return scene.run(1e-3)
 
 
+def test_a_pickled_law_refers_to_no_memory_of_its_process():
+    law = ao.Hertz(1e9)
+    assert law.force(1e-6, 0.0, ()) > 0
+    assert not {"kernel", "_address"} & vars(pickle.loads(pickle.dumps(law))).keys()
+
+
 def test_a_pickled_history_is_the_same(hit):
     again = pickle.loads(pickle.dumps(hit))
     times = np.linspace(0, 1e-3, 50)

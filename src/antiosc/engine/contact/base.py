@@ -252,7 +252,7 @@ class Compiled(Checked, ContactLaw):
         return addressof(self.kernel[0])
 
     def __getstate__(self) -> dict[str, object]:
-        return {k: v for k, v in self.__dict__.items() if k not in ("kernel", "_at")}
+        return {k: v for k, v in self.__dict__.items() if k not in ("kernel", "_address")}
 
     def _force(self, delta: float, rate: float, state: State) -> list[float]:
         """The force [N], and its derivatives by delta and by rate."""
