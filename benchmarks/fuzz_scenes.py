@@ -92,7 +92,7 @@ def check(hit: ao.SceneHistory) -> tuple[str, dict[str, float]]:
             return f"negative force {contact.force.min():g} N between {pair}", {}
         if contact.friction.shape[1]:
             over = np.linalg.norm(contact.friction, axis=1)
-            over -= hit.assembly.system.friction[c, 0] * contact.force
+            over -= hit.assembly.system.contacts["friction"][c] * contact.force
             if over.max() > CONE * contact.peak_force:
                 return f"friction leaves its cone by {over.max():g} N between {pair}", {}
     momentum = momentum_error(hit)

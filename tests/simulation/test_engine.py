@@ -106,7 +106,7 @@ def test_an_interrupt_stops_a_long_run(monkeypatch) -> None:
     signal.setitimer(signal.ITIMER_REAL, 0.1)
     try:
         with pytest.raises(KeyboardInterrupt):
-            march.run(system, 1e3, 1e-3, fine=1e-6, step=1e-7, keep=False, max_steps=10**9)
+            march.run(system, 1e3, 1e-3, fine=1e-6, step=1e-7, max_steps=10**9)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)

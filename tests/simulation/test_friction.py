@@ -107,7 +107,9 @@ def test_a_patch_gives_way_sideways_once(given: dict[str, float]) -> None:
     assert one.peak_force == pytest.approx(two.peak_force, rel=1e-3)
     rubbed = [float(np.abs(c.friction).max()) for c in (one, two)]
     assert rubbed[0] == pytest.approx(rubbed[1], rel=0.01)
-    whole = [1 / h.assembly.system.friction[0, 1] for h in (with_patch, without)]
+    whole = [
+        1 / h.assembly.system.contacts["tangential_stiffness"][0] for h in (with_patch, without)
+    ]
     assert whole[0] + 6e-8 / KAPPA == pytest.approx(whole[1], rel=1e-9)
 
 
@@ -155,7 +157,10 @@ def test_friction_acts_along_the_slip() -> None:
     normal, along = hit.run.force[1:, 0], hit.run.force[1:, 1:]
     size = np.hypot(*along.T)
     slides = (normal > 0) & (size > 0.3 * normal * (1 - 1e-9))
-    slider = hit.run.depth[:, 1:] - hit.run.force[:, 1:] / hit.assembly.system.friction[0, 1]
+    slider = (
+        hit.run.depth[:, 1:]
+        - hit.run.force[:, 1:] / hit.assembly.system.contacts["tangential_stiffness"][0]
+    )
     first, middle, last = slider[:-1:2], slider[1::2], slider[2::2]
     whole = slides[::2] & slides[1::2]  # steps that slide from their middle to their end
     assert whole.sum() > 10

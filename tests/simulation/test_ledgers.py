@@ -85,9 +85,9 @@ def test_energies_are_the_integrals_of_their_powers(name: str) -> None:
         if law.has_memory:
             return
         stored += [law.energy(float(depth), law.touch(1.0)) for depth in hit.run.depth[:, c]]
-        first, count = system.tangents[c]
+        first, count = system.contacts[["first_tangential", "n_tangential"]][c]
         rubs = np.sum(hit.run.force[:, first : first + count] ** 2, axis=1)
-        stored += rubs / 2 / (system.friction[c, 1] or 1.0)
+        stored += rubs / 2 / (system.contacts["tangential_stiffness"][c] or 1.0)
     np.testing.assert_allclose(energy.contact, stored, rtol=0, atol=1e-9 * highest)
 
 
@@ -150,5 +150,6 @@ def test_contacts_have_the_impulse_the_peak_and_the_times_of_their_force(name: s
         assert np.ptp(times, axis=1).sum() == pytest.approx(steps.h[closed].sum())
         spans = np.subtract.outer(times[:, 1], times[:, 0])  # the main impact is contacts in a row
         assert found.contact_time in (spans if times.size else [0.0])
-        first, count = hit.assembly.system.tangents[c]
+        rows = hit.assembly.system.friction_rows[c]
+        first, count = rows.start, rows.stop - rows.start
         np.testing.assert_array_equal(found.friction, hit.run.force[:, first : first + count])

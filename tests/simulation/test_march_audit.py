@@ -22,7 +22,9 @@ def test_steps_keep_motion_and_law(name: str) -> None:
         assert errors.max() < 1.5  # of the tolerance
         # a step with the error e could be e^(-1/3) times as long: few are needlessly short
         assert name in ("preloaded", "given step") or np.cbrt(errors).mean() > 0.3
-    located = 30 if found.made.system.friction.any() else 10  # where friction begins to slip too
+    located = (
+        30 if found.made.system.contacts["friction"].any() else 10
+    )  # where friction begins to slip too
     assert found.run.attempts < 1.6 * found.run.steps + 4 * found.run.touches + located
 
 

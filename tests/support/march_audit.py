@@ -60,7 +60,7 @@ def _check_times(system: System, found: Run, duration: float, unit: float) -> No
     np.testing.assert_allclose(t[1::2], (ends + t[:-1:2]) / 2, rtol=1e-14)
     assert found.steps == h.size
     events = any(law.has_memory or law.rate_dependent for law in system.laws)
-    if not events and not system.friction.any():
+    if not events and not system.contacts["friction"].any():
         known = np.concatenate((found.events[:, 0], system.breaks, [duration]))
         free = ~np.any(np.abs(ends[:, None] - known) <= 1e-12 * duration, axis=1)
         halvings = np.log2(h[free] / unit)
@@ -163,7 +163,9 @@ def _check_law(made: Assembly, steps: Steps, c: int, tol: float) -> Array:
     """Forces of a contact are its law's, none while it is open; errors between the nodes."""
     law, system, found, F = made.laws[c], made.system, steps.run, steps.run.force
     scale = F[:, c].max()
-    size = max(found.depth[:, c].max(), system.depth[c])  # bounds are met to 1e-9 of it
+    size = max(
+        found.depth[:, c].max(), system.contacts["expected_depth"][c]
+    )  # bounds are met to 1e-9 of it
     is_open, errors = np.ones(len(steps.h), dtype=bool), np.full(len(steps.h), np.nan)
     at = {u: steps.at(u) for u in (0.25, 0.5, 0.75, 1.0)}
     state = None
@@ -213,10 +215,10 @@ def _closed(found: Run, c: int, pressed: bool) -> list[tuple[int, int, float]]:
 
 def _check_friction(system: System, found: Run, c: int, tol: float) -> None:
     """Friction lies in its cone, and is that of its spring while it lies inside."""
-    first, count = system.tangents[c]
+    first, count = system.contacts[["first_tangential", "n_tangential"]][c]
     if not count:
         return
-    mu, stiffness = system.friction[c]
+    mu, stiffness = system.contacts[["friction", "tangential_stiffness"]][c]
     T, way = found.force[:, first : first + count], found.depth[:, first : first + count]
     most, size = mu * np.maximum(found.force[:, c], 0.0), np.linalg.norm(T, axis=1)
     assert np.all(size <= most + 1e3 * tol * most.max())

@@ -78,11 +78,12 @@ def system_of(scene: Scene) -> System:
     )
     law = ao.Linear(scene.normal)
     system = system_of_bodies([body], [law], np.zeros((directions, directions)))
-    system.tangents[0] = 1, len(scene.springs)
+    (row,) = system.contacts
+    row["first_tangential"], row["n_tangential"] = 1, len(scene.springs)
     system.q[:] = root * np.array([pressed / scene.normal, *scene.start])
-    system.friction[0] = scene.friction, scene.tangential
-    system.mass[0], system.depth[0] = scene.mass, pressed / scene.normal
-    system.speed[0] = pressed / np.sqrt(scene.mass * scene.normal)
+    row["friction"], row["tangential_stiffness"] = scene.friction, scene.tangential
+    row["mass"], row["expected_depth"] = scene.mass, pressed / scene.normal
+    row["expected_speed"] = pressed / np.sqrt(scene.mass * scene.normal)
     system.start_forces[0] = pressed
     system.contact_energy = pressed**2 / (2 * scene.normal)
     return system

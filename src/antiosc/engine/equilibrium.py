@@ -105,18 +105,14 @@ def set_initial_forces(system: System, preload: bool = False) -> None:
     system.start_forces[:] = force
     if force.any():
         delta = np.maximum(free - R @ force, 0.0)
-        system.depth[:] = np.maximum(system.depth, delta)
+        system.contacts["expected_depth"] = np.maximum(system.contacts["expected_depth"], delta)
         system.contact_energy = _potential(system.laws, states, delta, R, force)
 
 
 def continue_contacts(
     system: System, contacts: Sequence[ContactState | None], forces: Array
 ) -> None:
-    """Set the contacts that go on from an earlier run, and the forces of all at the start.
-
-    contacts : their states (p) at the end of that run, which may lie between two nodes; None of a
-    new one; forces : (p,) [N] at that end.
-    """
+    """Set contacts (p) that go on from a run (None: new), with forces (p,) [N] at its end."""
     laws = system.laws
     p = len(laws)
     R = system.R[:p, :p]
@@ -133,7 +129,7 @@ def continue_contacts(
         return
 
     delta = np.maximum(free - R @ system.start_forces, 0.0)
-    system.depth[:] = np.maximum(system.depth, delta)
+    system.contacts["expected_depth"] = np.maximum(system.contacts["expected_depth"], delta)
     energy = 0.5 * float(system.start_forces @ R @ system.start_forces)
 
     states = _states(laws, contacts)
@@ -167,10 +163,7 @@ def _row_rates(system: System) -> Array:
 def _closing_forces(
     laws: Sequence[ContactLaw], states: list[State], free: Array, R: Array, guess: Array
 ) -> Array:
-    """Forces (p,) [N] of contacts, from a guess.
-
-    free : (p,) indentations [m] without forces; R : (p, p) residual compliance [m/N].
-    """
+    """Forces (p,) [N] of contacts, from a guess; free : (p,) indentations [m] without forces."""
     force = guess.copy() if np.any(R) else np.zeros(len(laws))
     for _ in range(1000):
         change = 0.0

@@ -351,11 +351,7 @@ def _real_clusters(poles: Numbers) -> list[list[int]]:
 
 
 def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Numbers, Numbers]:
-    """Compute the poles of a cluster, and its modes Z, again in the subspace of all its modes.
-
-    A has the modes as eigenvectors; sign : (n,) of the squares of its states. Poles and modes stay
-    as they are if the subspace does not belong to this cluster alone.
-    """
+    """Poles and modes Z of a cluster, anew in their subspace if that belongs to them alone."""
     low = poles.real.min() * (1 + CLUSTER_DISTANCE / 2)
     high = poles.real.max() * (1 - CLUSTER_DISTANCE / 2)
 

@@ -92,10 +92,7 @@ class CallbackLaw:
         out: Doubles,
         sound: Callable[[float], bool] = isfinite,
     ) -> int:
-        """Store values of the law in `out` and return 0; return 1 if the law fails, to end the run.
-
-        where : name of its method; sound : whether a value is valid.
-        """
+        """Store values of the method `where`; returns 0, or 1 if the law fails."""
         try:
             for i, value in enumerate(values()):
                 if not sound(value):

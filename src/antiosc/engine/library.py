@@ -193,7 +193,6 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_version": (c_int,),
     "aom_source_hash": (c_char_p,),
     "aom_status_name": (c_char_p, c_int),
-    "aom_law_check": (c_int, c_void_p),
     "aom_law_force": (None, c_void_p, c_double, c_double, c_void_p, c_void_p),
     "aom_law_forces": (None, c_void_p, c_int64, c_void_p, c_void_p, c_void_p),
     "aom_law_energies": (None, c_void_p, c_int64, c_void_p, c_void_p, c_void_p),
@@ -204,12 +203,8 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_law_reach": (c_double, c_void_p),
     "aom_memory_size": (c_size_t, c_void_p),
     "aom_create": (c_int, c_void_p, c_void_p, c_size_t, c_void_p),
-    "aom_start": (c_int, c_void_p, c_void_p, c_void_p),
-    "aom_integrate": (c_int, c_void_p, c_void_p, c_double, c_int64),
     "aom_solve": (c_int, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_int64),
-    "aom_summarize": (CSummary, c_void_p),
     "aom_responses": (None, c_int64, c_void_p, c_void_p, c_void_p, c_int, c_void_p),
-    "aom_energies": (None, c_int64, c_int, c_void_p, c_void_p, c_void_p),
     "aom_compare": (
         CDifference, c_int, c_int64, c_void_p, c_void_p, c_int64, c_void_p, c_void_p, c_double,
         c_void_p,
@@ -236,7 +231,7 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
 }  # fmt: skip
 #: Functions that take long: other threads run meanwhile. Others keep the interpreter's lock, which
 #: threads would otherwise pass on several times in each impact.
-_LONG_FUNCTIONS = ("aom_integrate", "aom_solve", "aom_batch_solve")
+_LONG_FUNCTIONS = ("aom_solve", "aom_batch_solve")
 
 
 def source_hash(folder: Path) -> str:
@@ -314,41 +309,11 @@ def responses(omega: Array, decay: Array | float, t: Array | float) -> Array:
     return responses_out
 
 
-def energies(states: Array, omega: Array) -> Array:
-    """Kinetic and strain energies [J] (n,) of states (n, 2, J)."""
-    states, omega = _doubles(states, omega)
-    energies_out = np.empty(len(states))
-    library.aom_energies(len(states), omega.size, *map(address, (states, omega, energies_out)))
-    return energies_out
-
-
 def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Array:
-    """Time integral [N s] and peak [N] of a contact over C spans of steps: (C, 2).
-
-    row : its column in the forces (n, m); spans : (C, 2) first step, and one after the last.
-    """
+    """Integral [N s] and peak [N] of column `row` of forces over spans (C, 2) of steps: (C, 2)."""
     time, force = _doubles(time, force)
     steps = np.ascontiguousarray(spans, dtype=np.int64)
     peaks_out = np.empty((len(spans), 2))
     addresses = (address(array) for array in (steps, peaks_out))
     library.aom_pulses(address(time), address(force), force.shape[1], row, len(spans), *addresses)
     return peaks_out
-
-
-def compare(
-    time_a: Array, force_a: Array, time_b: Array, force_b: Array, tol: float
-) -> tuple[float, float, float]:
-    """Differences between the forces of two runs: (force, peak, time) of the contact with the
-    largest.
-
-    `force`: relative difference, the larger of the L2 norm's and the impulse's; `peak`: relative
-    difference of the peak forces; `time`: instant [s] up to which the L2 norm of the difference is
-    below `tol`. The runs are compared at the instants of both, up to the end of the shorter one.
-    """
-    arrays = _doubles(time_a, force_a, time_b, force_b)
-    work = np.empty((9, force_a.shape[1]))
-    a, fa, b, fb = map(address, arrays)
-    difference = library.aom_compare(
-        len(work.T), time_a.size, a, fa, time_b.size, b, fb, tol, address(work)
-    )
-    return difference.force, difference.peak, difference.until

@@ -30,28 +30,18 @@ SHORTER_REMEDY = "shorten the duration, or use fewer contacts or anti-oscillator
 
 @dataclass(eq=False)
 class Run:
-    """One run: values at 0, h/2 and h of every step, and the events.
+    """One run: values at 0, h/2 and h of every step, and the events."""
 
-    time : (2 n + 1,); force, depth : (2 n + 1, m).
-    states : (n // every + 1, 2, J) at the start of the steps 0, every, 2 every ...; None if not
-        kept. `antiosc.impact.states` finds those in between.
-    events : (., 4) time, contact, branch that begins, closing speed.
-    answer : status of the C library: why the march stopped.
-    steps : number of steps taken.
-    attempts : number of steps tried, including those given up for shorter ones.
-    refused : number of steps given up because of their error.
-    """
-
-    time: Array
-    force: Array
-    depth: Array
-    states: Array | None
-    events: Array
-    answer: int
+    time: Array  # (2 n + 1,)
+    force: Array  # (2 n + 1, m)
+    depth: Array  # (2 n + 1, m)
+    states: Array  # (n // every + 1, 2, J) at the start of every `every`th step
+    events: Array  # (., 4) time, contact, branch that begins, closing speed
+    answer: int  # status of the C library: why the march stopped
     steps: int
-    attempts: int
+    attempts: int  # number of steps tried, including those given up for shorter ones
     touches: int
-    refused: int = 0
+    refused: int = 0  # number of steps given up because of their error
     every: int = 1
 
     def contact_states(self, system: System, t: float) -> list[ContactState | None]:
@@ -100,27 +90,15 @@ class Buffers:
         self.arrays: tuple[Array, ...] = ()
         self.nbytes = 0
 
-    def keep(self, states: bool) -> None:
-        """Choose whether states are written; where arrays lack room for them, new ones follow."""
-        r = self.record
-        if states == (r.states is not None):
-            return
-        allocated = states and self.arrays and len(self.arrays[3])
-        r.states = None
-        if allocated:
-            r.states = library.address(self.arrays[3])
-        elif states:
-            r.max_nodes = 0
-
-    def enlarge(self, keep: bool) -> None:
-        """Enlarge the arrays, with `keep` also those of states, which are thinned if too many."""
+    def enlarge(self) -> None:
+        """Enlarge the arrays; states are thinned if there are too many."""
         r = self.record
         p, m, size = self.shape
         nodes = r.max_nodes
         if r.n_nodes + 2 > nodes or r.n_events + 1 > r.max_events:
             nodes = max(4 * nodes, _FIRST_NODES)
         limit = max(MOST_STATE_BYTES // (16 * max(size, 1)), 4)
-        if keep and self.arrays and r.n_states >= limit - 2:
+        if self.arrays and r.n_states >= limit - 2:
             self.thin()
         need = 8 * nodes * (2 * m + 5) + 16 * size * min(nodes // 2, limit)
         process.require_memory(need, f"a run of {p} contacts", SHORTER_REMEDY)
@@ -128,7 +106,7 @@ class Buffers:
             np.empty(nodes),
             np.empty((nodes, m)),
             np.empty((nodes, m)),
-            np.empty((min(nodes // 2 + 2, limit) if keep else 0, 2, size)),
+            np.empty((min(nodes // 2 + 2, limit), 2, size)),
             np.empty((nodes + p + 1, 4)),
         )
         written = r.n_nodes, r.n_nodes, r.n_nodes, r.n_states, r.n_events
@@ -140,8 +118,6 @@ class Buffers:
         r.max_events = len(arrays[4])
         r.max_states = len(arrays[3]) - 1  # and the state of the end
         r.time, r.force, r.depth, r.states, r.events = map(library.address, arrays)
-        if not keep:
-            r.states = None
 
     def thin(self) -> None:
         """Drop every second stored state."""
@@ -152,18 +128,18 @@ class Buffers:
         r.n_states = len(half)
         r.every = 2 * r.every
 
-    def run(self, answer: int, summary: library.CSummary, keep: bool) -> Run:
-        """Copy what was written into a `Run`, with `keep` also the states."""
+    def run(self, answer: int, summary: library.CSummary) -> Run:
+        """Copy what was written into a `Run`."""
         r = self.record
         time, force, depth, states, events = self.arrays
-        while keep and 16 * r.n_states * self.shape[2] > MOST_STATE_BYTES:
+        while 16 * r.n_states * self.shape[2] > MOST_STATE_BYTES:
             self.thin()
         nodes = r.n_nodes
         return Run(
             time=time[:nodes].copy(),
             force=force[:nodes].copy(),
             depth=depth[:nodes].copy(),
-            states=states[: r.n_states].copy() if keep else None,
+            states=states[: r.n_states].copy(),
             events=events[: r.n_events].copy(),
             answer=answer,
             steps=summary.steps,
@@ -175,10 +151,7 @@ class Buffers:
 
 
 class Workspace:
-    """A stepper of the C library with its memory, and the arrays of its runs.
-
-    Its memory also stores the responses of the modes to the steps of earlier runs.
-    """
+    """A stepper of the C library, its runs, and its memory with the responses of earlier steps."""
 
     def __init__(self, packed: PackedSystem) -> None:
         system = packed.system
@@ -266,9 +239,7 @@ def check_status(status: int) -> None:
         )
 
 
-def solve(
-    system: System, options: library.COptions, keep: bool = True
-) -> tuple[Run, library.CSolution]:
+def solve(system: System, options: library.COptions) -> tuple[Run, library.CSolution]:
     """The run with these options, or the finest of several with the estimates of its errors."""
     if system.first is not None:
         system = system.marched
@@ -277,8 +248,6 @@ def solve(
     workspace = take_workspace(packed)
     solution = library.CSolution()
     buffers = workspace.buffers
-    for buffers_of_run in buffers:
-        buffers_of_run.keep(keep)
     arguments = (
         workspace.stepper,
         byref(packed.system),
@@ -291,12 +260,12 @@ def solve(
     while status in (library.PAUSED, library.FULL):
         status = library.library.aom_solve(*arguments)
         if status == library.FULL:
-            buffers[solution.present].enlarge(keep)
+            buffers[solution.present].enlarge()
     check_status(status)
     if status == library.LAW_FAILED:
         return_workspace(packed, workspace)
         packed.raise_law_error()
-    best = buffers[solution.best].run(solution.answer, solution.summary, keep)
+    best = buffers[solution.best].run(solution.answer, solution.summary)
     return_workspace(packed, workspace)
     return best, solution
 
@@ -309,29 +278,23 @@ def run(
     scale: float = 0.0,
     fine: float,
     step: float | None = None,
-    keep: bool = True,
     max_contacts: int = 10_000,
     max_steps: int = 1_000_000,
 ) -> Run:
-    """Integrate over [0, duration] once.
+    """Integrate over [0, duration] once, with steps of at most `step` [s] in contact, if given.
 
     The error of the contact forces in a step is at most `step_tol` times `scale` [N]; with 0 the
-    scale of a contact is its largest force so far. With `step` [s] the steps under contact are that
-    step, or halvings of it where this error needs them.
+    scale of a contact is its largest force so far.
     """
     options = library.COptions(
         duration, step_tol, scale, step or 0.0, fine, max_contacts, max_steps, 1
     )
-    return solve(system, options, keep)[0]
+    return solve(system, options)[0]
 
 
 @dataclass(eq=False)
 class Converged:
-    """The finest run, estimated relative errors, and the time [s] up to which two runs agree.
-
-    `step_tol`: that of `run` for the finest run, or its step [s] if that was given. The errors are
-    infinite if no finer run reached the end.
-    """
+    """The finest run, its error of a step (or step [s]), its errors, and until when two agree."""
 
     run: Run
     step_tol: float
@@ -363,8 +326,17 @@ def stop_text(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
 
 
 def difference(coarse: Run, fine: Run, tol: float) -> tuple[float, float, float]:
-    """(relative difference of the forces, of the peaks, time [s] up to which runs agree to `tol`).
+    """Differences between the forces of two runs: (force, peak, time) of the contact with the
+    largest.
 
-    See `library.compare`.
+    `force`: relative difference, the larger of the L2 norm's and the impulse's; `peak`: relative
+    difference of the peak forces; `time`: instant [s] up to which the L2 norm of the difference is
+    below `tol`. The runs are compared at the instants of both, up to the end of the shorter one.
     """
-    return library.compare(coarse.time, coarse.force, fine.time, fine.force, tol)
+    nodes = [np.ascontiguousarray(x) for run in (coarse, fine) for x in (run.time, run.force)]
+    work = np.empty((9, coarse.force.shape[1]))
+    a, fa, b, fb = map(library.address, nodes)
+    found = library.library.aom_compare(
+        len(work.T), coarse.time.size, a, fa, fine.time.size, b, fb, tol, library.address(work)
+    )
+    return found.force, found.peak, found.until

@@ -75,8 +75,7 @@ class System:
     loads: Array
     offsets: Array
     laws: Sequence[ContactLaw]  # p contact laws
-    #: (p,) numbers of the contacts (`CONTACT_RECORD`), which the properties `slip` to `pressed`
-    #: read and write; the law is set when the march takes them
+    #: (p,) numbers of the contacts (`CONTACT_RECORD`); the law is set when the march takes them
     contacts: NDArray[np.void]
     #: q, v: (J,) initial state
     q: Array
@@ -100,45 +99,15 @@ class System:
         return *rows, self.breaks, self.loads, self.offsets, self.q, self.v
 
     @property
-    def friction(self) -> Array:
-        """Coefficients of friction, tangential stiffnesses [N/m], (p, 2)."""
-        return self._two_columns("friction")
-
-    @property
-    def tangents(self) -> NDArray[np.int32]:
-        """First tangential row of each contact and the number of its rows, (p, 2)."""
-        return self._two_columns("first_tangential")
-
-    @property
-    def mass(self) -> Array:
-        """Estimated inertia (p,) behind each contact [kg]."""
-        return self.contacts["mass"]
-
-    @property
-    def depth(self) -> Array:
-        """Estimated indentations (p,) [m]."""
-        return self.contacts["expected_depth"]
-
-    @property
-    def speed(self) -> Array:
-        """Estimated closing speeds (p,) [m/s]."""
-        return self.contacts["expected_speed"]
-
-    @property
     def start_forces(self) -> Array:
         """Forces (p,) [N] at the start: a contact with one is closed."""
         return self.contacts["preload"]
 
-    def _two_columns(self, name: str) -> NDArray[Any]:
-        """View (p, 2) of the field `name` of the contacts and of the field after it."""
-        first = self.contacts[name]
-        strides = (*first.strides, first.itemsize)
-        return np.lib.stride_tricks.as_strided(first, (first.size, 2), strides)
-
     @property
     def friction_rows(self) -> list[slice]:
         """Slice of the tangential rows of each contact."""
-        return [slice(first, first + count) for first, count in self.tangents.tolist()]
+        rows = self.contacts[["first_tangential", "n_tangential"]].tolist()
+        return [slice(first, first + count) for first, count in rows]
 
     def with_rows(self, beta: Array, quadratic: Array, cubic: Array) -> System:
         """The system with further rows beta (s, J), on which the second-order forces act."""
@@ -199,7 +168,7 @@ class System:
     @property
     def least_speeds(self) -> Array:
         """Least closing speeds (p,) [m/s] from which damped laws take their damping."""
-        return np.maximum(LEAST_SPEED_SHARE * self.speed, self.least_speed)
+        return np.maximum(LEAST_SPEED_SHARE * self.contacts["expected_speed"], self.least_speed)
 
     def stretch_energy(self, q: Array) -> Array:
         """Second-order strain energy (n,) [J] at modal displacements q (n, J)."""
@@ -256,11 +225,7 @@ def system_of_bodies(
     gap: float = 0.0,
     first: StackedModes | None = None,
 ) -> System:
-    """The system of bodies side by side in m rows, of which the first p are contacts.
-
-    R : (m, m) residual compliance; gap : [m] of all rows. Expected masses, depths and speeds stay
-    0.
-    """
+    """Bodies side by side in m rows of compliance R (m, m) and gap [m]; p of these are contacts."""
     spans = consecutive_slices([body.omega.size for body in bodies])
     size, m = spans[-1].stop, len(R)
 

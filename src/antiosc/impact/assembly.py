@@ -49,15 +49,12 @@ MIN_COMPLIANCE_SHARE = 0.1  # fraction of a tangential compliance left to the sl
 
 
 def expect_contacts(scene: SceneParts, system: System, local: Array, duration: float) -> float:
-    """Set the expected mass, speed, depth and friction of each contact of `system`.
-
-    They follow from the motion and the loads at the start. local : (p,) half-space compliances
-    [m/N] of the patches; duration : of the run [s]. Returns the shortest expected contact time [s].
-    """
+    """Set what is expected of each contact; returns the shortest contact time [s]."""
     p = len(system.laws)
     gaps = system.offsets[0, :p]
     modal = system.v if system.v.any() else system.omega * system.q  # of what is let go
-    system.mass[:] = [effective_mass(beta, system.omega) for beta in system.beta[:p]]
+    numbers = system.contacts
+    numbers["mass"] = [effective_mass(beta, system.omega) for beta in system.beta[:p]]
     forces = np.zeros(p)
     closing = _largest_component(system.beta[:p], modal[None])
 
@@ -69,36 +66,37 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
 
     highest_speed = float(closing.max())
     if highest_speed == 0.0:
-        system.depth[:] = system.speed[:] = 1e-300
-        for c, contact in enumerate(scene.contacts):
+        numbers["expected_depth"] = numbers["expected_speed"] = 1e-300
+        for row, contact in zip(numbers, scene.contacts, strict=True):
             if contact.friction > 0:
-                system.friction[c] = contact.friction, contact.tangential_stiffness or 1.0
+                row["friction"] = contact.friction
+                row["tangential_stiffness"] = contact.tangential_stiffness or 1.0
         return duration / 16
 
-    system.speed[:] = np.where(closing > 1e-6 * highest_speed, closing, highest_speed)
+    numbers["expected_speed"] = np.where(closing > 1e-6 * highest_speed, closing, highest_speed)
     shortest = duration / 2
     for c, law in enumerate(system.laws):
-        speed = float(system.speed[c])
-        mass = float(system.mass[c])
+        speed = float(numbers["expected_speed"][c])
+        mass = float(numbers["mass"][c])
         load = float(forces[c])
         farthest = speed * duration + load * duration**2
         blow = speed, 0.5 * mass * speed**2, load * mass, farthest
         depth = largest_indentation(law, *blow)
         mean_speed = speed + sqrt(2 * load * depth)
         shortest = min(shortest, 3 * depth / mean_speed)
-        system.depth[c] = depth
-        if scene.contacts[c].friction > 0:
-            system.friction[c] = _friction_parameters(scene.contacts[c], law, blow, float(local[c]))
+        numbers["expected_depth"][c] = depth
+        contact = scene.contacts[c]
+        if contact.friction > 0:
+            stiffness = _tangential_stiffness(contact, law, blow, float(local[c]))
+            numbers["friction"][c], numbers["tangential_stiffness"][c] = contact.friction, stiffness
 
     return shortest
 
 
-def _friction_parameters(
+def _tangential_stiffness(
     contact: Contact, law: ContactLaw, blow: tuple[float, float, float, float], local: float
-) -> tuple[float, float]:
-    """Coefficient of friction of a contact, and its tangential stiffness [N/m] without patches.
-
-    blow : arguments of `largest_indentation`; local : half-space compliance [m/N] of the patches.
+) -> float:
+    """Tangential stiffness [N/m] of a contact without its patches of the compliance `local`.
 
     The default is a share of the mean normal stiffness over a half-sine contact, the larger one of
     loading and unloading. By Cerruti's solution, the tangential compliance of a patch with
@@ -121,14 +119,11 @@ def _friction_parameters(
             local = 0.0
 
     patches = stiffness * local / MINDLIN_RATIO  # their share of the contact's compliance
-    return contact.friction, stiffness / max(1.0 - patches, MIN_COMPLIANCE_SHARE)
+    return stiffness / max(1.0 - patches, MIN_COMPLIANCE_SHARE)
 
 
 def effective_mass(beta: Array, omega: Array) -> float:
-    """Estimated mass [kg] behind a contact, of its rigid-body modes and its static deflection.
-
-    beta : (J,) row of the contact in the modes; omega : (J,) their frequencies [rad/s].
-    """
+    """Estimated mass [kg] behind a contact, of its rigid-body modes and its static deflection."""
     rigid = omega == 0
     b = beta[rigid]
     mobility = float(b @ b)
@@ -142,10 +137,7 @@ def effective_mass(beta: Array, omega: Array) -> float:
 
 
 def _largest_component(beta: Array, modal: Array) -> Array:
-    """Largest |modal · beta| (p,) of rows `modal` (K, J) with `beta` (p, J).
-
-    Where the terms of a product cancel, it counts as a tenth of the sum of their magnitudes.
-    """
+    """Largest |modal · beta| (p,) of rows (K, J); where terms cancel a tenth of their sizes."""
     direct = abs(modal @ beta.T)
     parts = abs(modal) @ abs(beta).T
 
@@ -160,10 +152,7 @@ def _largest_component(beta: Array, modal: Array) -> Array:
 
 
 def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
-    """Subtract the half-space compliance `local` [m/N] of the patches from a contact law.
-
-    Returns the law and notes on it, which name the ends `a` and `b` of the contact.
-    """
+    """(law less the half-space compliance `local` [m/N] of the patches, notes on the ends a, b)."""
     if local == 0.0 or law.compliance > 0.0:
         return law, []
 

@@ -133,10 +133,7 @@ def run_in_fixed_steps(s: System, step: float, duration: float, settings: Settin
 
 
 def _by_fixed_steps(assembly: Assembly, duration: float, settings: Settings) -> Converged:
-    """A run in the given step, or in ever shorter ones until two runs agree.
-
-    Their difference is the estimated error.
-    """
+    """A run in the given step, or in ever shorter ones, whose last difference is the error."""
     s = assembly.system
     method, tol = settings.method, settings.tol
     top = float(s.omega.max(initial=0.0))
@@ -290,7 +287,8 @@ class _EventSolver:
 
         reach = np.abs(s.beta).max(axis=1)
         reach[reach == 0] = 1.0
-        sizes = [np.full(s.omega.size, np.max(motion / reach)) for motion in (s.depth, s.speed)]
+        expected = s.contacts["expected_depth"], s.contacts["expected_speed"]
+        sizes = [np.full(s.omega.size, np.max(motion / reach)) for motion in expected]
         rtol = max(IVP_TOL_RATIO * self.settings.tol, MIN_IVP_TOL)
         with np.errstate(all="ignore"):
             found = solve_ivp(
@@ -322,10 +320,7 @@ class _EventSolver:
         return excess
 
     def _nodes_of_steps(self, ends: Array, at: Callable[[Array], Array]) -> tuple[Array, ...]:
-        """Time, force, depth, states at the nodes of steps, each divided into `NODES_PER_STEP`.
-
-        ends : (n,) ends of the steps [s]; at : motion (2 J, k) at times (k,).
-        """
+        """Time, force, depth, states at the nodes of steps with these ends [s], each divided."""
         share = np.arange(2 * NODES_PER_STEP) / (2 * NODES_PER_STEP)
         t = np.append((ends[:-1, None] + np.diff(ends)[:, None] * share).ravel(), ends[-1])
         y = at(t).T

@@ -117,26 +117,19 @@ def _free_modes(system: System, q: Array, v: Array) -> tuple[Array, Array]:
 def damping_states(
     run: Run, system: System, step: Index, since: Array
 ) -> tuple[Array, list[list[Array]]]:
-    """Effect of coupled damping on the free modes, at times `since` [s] the starts of steps.
-
-    Returns decelerations (n, J), and displacements (n, J) of the springs of each body's branches.
-    """
+    """Decelerations (n, J) by coupled damping, displacements (n, J) of each branch's springs."""
     assert system.first is not None
     integrated = integrated_states(run, system, step, since)
     return system.first.motion(*integrated)[2], system.first.springs(*integrated)
 
 
 def modal_start_states(run: Run, system: System, step: Index) -> tuple[Array, Array]:
-    """Modal displacements and velocities (n, J) at the starts of steps (n,).
-
-    A number one beyond the last step gives the end of the run.
-    """
+    """Modal displacements and velocities (n, J) at the starts of steps (n,) and at the end."""
     return _free_modes(system, *integrated_start_states(run, system, step))
 
 
 def integrated_start_states(run: Run, system: System, step: Index) -> tuple[Array, Array]:
     """States (n, I) of the integrated modes at the starts of steps."""
-    assert run.states is not None
     if run.every == 1:
         return run.states[step, 0], run.states[step, 1]
 
@@ -285,5 +278,4 @@ def with_flight_nodes(run: Run, system: System) -> Run:
 
 def free_steps(run: Run, system: System) -> Array:
     """Displacements (n, J) of the free modes at the stored ends of steps."""
-    assert run.states is not None
     return _free_modes(system, run.states[:, 0], run.states[:, 1])[0]

@@ -85,7 +85,7 @@ def final_state(
     for k, (i, contact, law, sides) in enumerate(contacts):
         if contact is not None and (contact.closed or law.has_memory):
             rows = [k, *range(sides.start, sides.stop)]
-            slip = float(a.system.friction[k, 1])
+            slip = float(a.system.contacts["tangential_stiffness"][k])
             continuing[int(i)] = OngoingContact(
                 float(heights[k]), contact.closed * force[rows], slip, contact, law
             )

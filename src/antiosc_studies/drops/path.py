@@ -283,8 +283,9 @@ def _worst_wedging(system: System) -> tuple[float, float]:
         tangential = float(np.linalg.norm(system.R[k, sides]))
         tangential /= max(float(system.R[k, k]), TINY)
 
-        if system.friction[k, 0] * tangential > friction * wedge:
-            friction, wedge = float(system.friction[k, 0]), tangential
+        coefficient = float(system.contacts["friction"][k])
+        if coefficient * tangential > friction * wedge:
+            friction, wedge = coefficient, tangential
 
     return friction, wedge
 

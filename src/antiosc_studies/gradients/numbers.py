@@ -209,7 +209,7 @@ def numbers_of_contact(impact: VariableImpact, i: int) -> NumberTree:
 
     ends = (impact.base.bodies[end.partition(":")[0]] for end in (contact.a, contact.b))
     gap = sum(body.gap for body in ends) if contact.gap is None else contact.gap
-    size = max(abs(gap), impact.base.system.depth[i])
+    size = max(abs(gap), impact.base.system.contacts["expected_depth"][i])
     numbers["gap"] = VariableNumber(gap, size, partial(with_field, "gap"))
     for name in ("friction", "tangential_stiffness"):
         value = getattr(contact, name)

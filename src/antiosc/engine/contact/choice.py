@@ -62,28 +62,18 @@ RADIUS_POWER = 0.1
 
 @dataclass(frozen=True)
 class Choice:
-    """A contact law, and the reason for its choice.
-
-    law : the contact law.
-    kind : kind of contact, in words.
-    soft : the material that yields first; None if neither yields.
-    unknown : the unknown property on which the error of the law depends, in words; "" if none.
-    elastic_shares : smallest and largest possible `elastic_share`; None if it is exact.
-    error : relative error of the force, due to the circle in place of an elliptic contact.
-    curvature_error : relative error of the peak force by the error of both curvatures on a mesh.
-    curvature : the larger relative curvature of both surfaces [1/m], for a contact at a point.
-    soft_ball : whether the rounder side is the softer one, as a rubber tip on steel.
-    """
+    """A contact law, and the reason for its choice."""
 
     law: ContactLaw
-    kind: str
-    soft: Matter | None = None
-    unknown: str = ""
+    kind: str  # of contact, in words
+    soft: Matter | None = None  # the material that yields first; None if neither yields
+    unknown: str = ""  # the unknown property on which the error of the law depends, in words
+    #: smallest and largest possible `elastic_share`; None if it is exact
     elastic_shares: tuple[float, float] | None = None
-    error: float = 0.0
-    curvature_error: float = 0.0
-    curvature: float = 0.0
-    soft_ball: bool = False
+    error: float = 0.0  # of the force, relative, due to the circle in place of an ellipse
+    curvature_error: float = 0.0  # of the peak force, relative, by both curvatures on a mesh
+    curvature: float = 0.0  # the larger relative one of a contact at a point [1/m]
+    soft_ball: bool = False  # whether the rounder side is softer, as a rubber tip on steel
 
     @property
     def reason(self) -> str:
@@ -97,10 +87,7 @@ class Choice:
 
 @lru_cache(maxsize=4096)
 def choose_law(one: Surface, other: Surface, restitution: float | None = None) -> Choice:
-    """The law of the contact of two surfaces; InputError for surfaces that have none.
-
-    restitution : coefficient of the contact, if it is known.
-    """
+    """The law of the contact of two surfaces, of a known restitution or None; or InputError."""
     materials = one.matter, other.matter
     elastic = sorted((m for m in materials if not m.rigid), key=lambda m: m.E)
     if not elastic:
@@ -184,10 +171,7 @@ def _strength(matter: Matter) -> float:
 def _elastic_share(
     soft: Matter, other: Matter, modulus: float
 ) -> tuple[float, tuple[float, float] | None]:
-    """(`elastic_share` of the law, its possible interval or None if it is exact).
-
-    soft, other : the side that yields first, the other one; modulus : E* [Pa].
-    """
+    """(`elastic_share` of the law, its possible interval or None if exact); modulus : E* [Pa]."""
     largest_share = 0.0 if other.rigid else (1 - other.nu**2) / other.E * modulus
     ratio = _strength(other) / _strength(soft)
     if largest_share == 0.0 or ratio >= ELASTIC_STRENGTH_RATIO:
@@ -222,10 +206,7 @@ def lacks_strength(choice: Choice) -> bool:
 
 
 def _punch_choice(first: Surface, second: Surface, modulus: float) -> Choice:
-    """Choice for two flat faces: a rigid punch of the smaller radius on a half-space.
-
-    modulus : E* [Pa] of both materials.
-    """
+    """Choice for two flat faces of modulus E* [Pa]: a rigid punch of the smaller radius."""
     sizes = [s.radius for s in (first, second) if s.radius is not None]
     if not sizes:
         raise InputError(

@@ -19,11 +19,6 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
 
 Radii = float | tuple[float, float]
-#: Coefficients of log (b/a)^2 in powers of log B/A, a start for the iteration that is within 0.006
-#: up to B/A = 300.
-SLENDER_COEFFICIENTS = (-1.3498, 0.01943)
-#: Relative change at which the iteration ends: some rounding errors.
-SETTLED_CHANGE = 1e-12
 #: Plastic pressure of a line over that of a ball, less 1.
 LINE_PRESSURE = 0.06
 
@@ -104,22 +99,19 @@ def equivalent_circle(E_star: float, A: float, B: float) -> EquivalentCircle:
 
 
 def _ellipse(ratio: float) -> tuple[float, float, float]:
-    """(b/a)^2, D and K of the contact ellipse from B/A >= 1: Newton's method on logarithms."""
-    log_ratio = log(ratio)
-    if log_ratio <= 1e-12:
+    """(b/a)^2, D and K of the contact ellipse from B/A >= 1."""
+    if ratio - 1 <= 1e-12:
         return _integrals(1.0)
-    y = (SLENDER_COEFFICIENTS[0] + SLENDER_COEFFICIENTS[1] * log_ratio) * log_ratio
-    integrals = 1.0, 1.0, 1.0
-    for _ in range(50):
-        integrals = m1, D, K = _integrals(exp(y))
-        slope_of_K = (K - D) / m1  # twice dK/dm, m = 1 - m1; 2 m dD/dm = rises - D
-        slope = 1.5 - K * (slope_of_K - D) / (1 - m1) / (2 * D * slope_of_K)
-        step = (log(slope_of_K / D) - log_ratio) / slope
-        if abs(step) <= SETTLED_CHANGE:
-            break
-        y += step
 
-    return integrals
+    from scipy.optimize import brentq  # loaded where it is used: it takes long
+
+    def excess(y: float) -> float:
+        """Log of B/A, less the given one, for the log of (b/a)^2."""
+        m1, D, K = _integrals(exp(y))
+        return log((K - D) / (m1 * D) / ratio)
+
+    # (b/a)^2 is below A/B, and for slender ellipses nearly its power 4/3
+    return _integrals(exp(brentq(excess, -1.5 * log(ratio), -log(ratio), xtol=1e-13, rtol=1e-14)))
 
 
 def _integrals(m1: float) -> tuple[float, float, float]:

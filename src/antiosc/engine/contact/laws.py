@@ -210,12 +210,7 @@ HERTZ_EXPONENT = 1.5
 class _Damped(Patched):
     """F = stiffness * delta^exponent * (1 + d * rate/v0), never negative.
 
-    stiffness : float
-        [N/m^exponent], > 0.
-    restitution : float
-        Coefficient of restitution e, 0 < e <= 1.
-    exponent : float
-        >= 1; 1.5 is Hertz's.
+    stiffness [N/m^exponent] > 0; restitution 0 < e <= 1; exponent >= 1, 1.5 is Hertz's.
     """
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m^exponent"))
@@ -299,11 +294,7 @@ class Gonthier(_Damped):
 
 @dataclass(frozen=True, repr=False)
 class Hysteretic(Patched):
-    """Base of the laws of this module.
-
-    The state is (delta_m, delta_t, lost): deepest indentation [m], turning point [m] from which
-    unloading starts, and the energy lost so far [J].
-    """
+    """Laws that yield: the state is (deepest indentation, turning point [m], lost energy [J])."""
 
     has_memory: ClassVar[bool] = True
     size: ClassVar[int] = 3
@@ -315,10 +306,7 @@ class Hysteretic(Patched):
 
 @lru_cache(maxsize=64)
 def yield_factor(nu: float) -> float:
-    """Hertz's largest pressure at first yield over the yield strength, 1.61 for nu = 0.3.
-
-    Mises' stress is largest on the axis (K. L. Johnson, Contact Mechanics, 1985, section 3.4).
-    """
+    """Hertz's largest pressure at first yield over the yield strength (Johnson 1985, 3.4)."""
     s = 0.48  # depth over the contact radius
 
     for _ in range(6):  # Newton on the slope of the stress along the axis
@@ -583,10 +571,7 @@ class Tabulated(Hysteretic):
 
 
 def _interpolant(x: Array, y: Array) -> list[float]:
-    """PCHIP interpolant of y (n,) at x (n,) as the C library reads it.
-
-    One list: knots, four rows of coefficients (each padded by a 0), last value, last slope.
-    """
+    """PCHIP interpolant as C reads it: knots, four rows of coefficients, last value, last slope."""
     from scipy.interpolate import PchipInterpolator  # loaded where it is used
 
     cubic = PchipInterpolator(x, y)

@@ -28,10 +28,7 @@ HERTZ_POWER = 0.4
 
 
 def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | None:
-    """Relative error of a peak force [N] due to law and yield strength; None if unknown.
-
-    contact_time : [s]; it gives the strain rate, and so the yield strength.
-    """
+    """Relative error of a peak force [N] due to law and yield strength; None if unknown."""
     if unknown_error(choice, peak):
         return None
 
@@ -72,10 +69,7 @@ def unknown_error(choice: Choice, peak: float) -> str:
 
 
 def weakest_and_strongest(choice: Choice, peak: float, contact_time: float) -> list[ElasticPlastic]:
-    """The law with the lowest and with the highest yield strength that the material may have.
-
-    The highest is that at the strain rate of the contact. Laws that change nothing are left out.
-    """
+    """The laws of the least and, at the contact's strain rate, largest strength, if they matter."""
     law = choice.law
     soft = choice.soft
     if not isinstance(law, ElasticPlastic) or soft is None:
@@ -96,10 +90,7 @@ def largest_strain(choice: Choice) -> float:
 
 
 def stiffness_factors(choice: Choice, strain: float) -> tuple[float, ...]:
-    """Least and largest factor on the stiffness by large strains; () if they have no effect.
-
-    strain : indentation over the radius.
-    """
+    """Least and largest factor on the stiffness by a large indentation over radius; () if none."""
     if strain < LEAST_STRAIN:
         return ()
     share = FORCE_LOSS_BY_STRAIN * sqrt(min(strain, LARGEST_STRAIN))

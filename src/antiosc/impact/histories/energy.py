@@ -180,7 +180,7 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
         modal[nodes] = 0.5 * np.sum((a.system.omega * q) ** 2, axis=1)
         modal[nodes] += a.system.stretch_energy(q)
         arrays = {name: getattr(run, name)[nodes] for name in ("time", "force", "depth")}
-        part = replace(run, **arrays, states=None)
+        part = replace(run, **arrays)
         if np.any(a.system.loads):
             work[inner_nodes] = _load_work(a, part, q, v)
         if a.system.first is not None:
@@ -210,11 +210,7 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
 def _cumulative_work_and_losses(
     a: Assembly, run: Run, mechanical: Array, work: Array, losses: Array
 ) -> tuple[Array, Array]:
-    """Work of all loads and losses by damping [J] from the start up to each node, (n,) each.
-
-    mechanical : (n,) energy of bodies and contacts; work, losses : (n - 1,) from node to node. In
-    flight one of the two follows from the balance of energy.
-    """
+    """Work of loads, and losses by damping [J] up to each node; in flight one balances energy."""
     if not (np.any(work) or a.system.damped):
         return np.zeros(run.time.size), np.zeros(run.time.size)
     damped = a.system.damped
@@ -302,13 +298,9 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
         force = run.force[:, c]
         depth = run.depth[:, c]
         closed, _ = contact_intervals(run, system, c)
-        nodes = [
-            (
-                int(np.searchsorted(run.time, start)),
-                int(np.searchsorted(run.time, end, side="right")) - 1,
-            )
-            for start, end in zip(closed["start"], closed["end"], strict=True)
-        ]
+        first = np.searchsorted(run.time, closed["start"])
+        last = np.searchsorted(run.time, closed["end"], side="right") - 1
+        nodes = zip(first.tolist(), last.tolist(), strict=True)
         earlier = None if system.contact_states is None else system.contact_states[c]
         speeds = closed["speed"].tolist()
         recoverable, plastic, damping = replayed_energies(law, force, depth, nodes, speeds, earlier)
@@ -321,7 +313,7 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
         for i in range(sides.start, sides.stop):
             T = run.force[:, i]
             displacement = run.depth[:, i]
-            spring = 0.5 * T**2 / system.friction[c, 1]
+            spring = 0.5 * T**2 / system.contacts["tangential_stiffness"][c]
             work = path_work(T[:, None], displacement[:, None])[:, 0]
             stored += spring
             losses += work - spring

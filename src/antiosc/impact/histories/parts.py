@@ -184,7 +184,7 @@ class OneContact:
         if system.first is not None:  # of a mode it counts alone whether it is damped
             posed = replace(system, decay=(~system.undamped).astype(float), first=None)
 
-        if run.states is not None and run.every == 1 and system.first is None:
+        if run.every == 1 and system.first is None:
             arrays.append(np.ascontiguousarray(run.states))
             velocities = library.address(arrays[-1]) + 8 * size
             stride = 2 * size
