@@ -239,13 +239,9 @@ def _solve_chunk(
             groups.setdefault(key, []).append(i)
 
     for group in groups.values():
-        members = [scenes[i] for i in group]
-
-        def report_done(done: int, before: int = len(rows)) -> None:
-            report(before + done)
-
-        group_rows = _solve_group(members, settings, report_done)
+        group_rows = _solve_group([scenes[i] for i in group], settings)
         rows.update((i, row) for i, row in zip(group, group_rows, strict=True) if row is not None)
+        report(len(rows))
 
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
         if i not in rows:
@@ -255,16 +251,14 @@ def _solve_chunk(
     return [rows[i] for i in range(len(scenes))]
 
 
-def _solve_group(
-    scenes: Sequence[Impact], settings: Settings, report: Callable[[int], None]
-) -> list[_SceneResult | None]:
+def _solve_group(scenes: Sequence[Impact], settings: Settings) -> list[_SceneResult | None]:
     """Results of a group of impacts; None for an impact that must be integrated separately."""
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             group = ImpactRows(scenes, settings)
     except (AntioscError, ArithmeticError):  # it tells itself of which
         return [None] * len(scenes)
-    outcomes, pulses = group.solve(report)
+    outcomes, pulses = group.solve()
     solved = zip(scenes, group.laws, outcomes.tolist(), pulses, strict=True)
     return [_result_of(*outcome, group.pair, settings) for outcome in solved]
 

@@ -496,7 +496,7 @@ class RigidBody(FieldsRepr):
     centre: Array = (0.0, 0.0, 0.0)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mass", checks.positive("mass", self.mass, "kg"))
+        mass = checks.positive("mass", self.mass, "kg")
         tensor = checks.floats("inertia", self.inertia, None)
         tensor = np.diag(tensor) if tensor.shape == (3,) else tensor
         tensor = checks.floats("inertia", tensor, (3, 3))
@@ -514,8 +514,7 @@ class RigidBody(FieldsRepr):
                 f" {moments[2]:g} kg m^2, which no body has: none exceeds the sum of the others."
             )
 
-        object.__setattr__(self, "inertia", tensor)
-        object.__setattr__(self, "centre", checks.floats("centre", self.centre, (3,)))
+        centre = checks.floats("centre", self.centre, (3,))
         sites = {}
         checks.instance("sites", self.sites, Mapping, "a dict {name: (point, direction)}")
 
@@ -532,7 +531,7 @@ class RigidBody(FieldsRepr):
                 unit_vectors(f"direction of site {name!r}", direction[None])[0],
             )
 
-        object.__setattr__(self, "sites", sites)
+        checks.store(self, mass=mass, inertia=tensor, centre=centre, sites=sites)
 
 
 @dataclass(eq=False)

@@ -92,28 +92,21 @@ class Enclosure(FieldsRepr):
 
 
 class _ReferenceBody(NamedTuple):
-    """A body in its reference modes: frequencies, decay, columns of the contacts, load, start.
-
-    lag : of modes that follow their force, 0 for the others. modes : None for a rigid body.
-    compliance : (m,) [m/N] of the contacts under a constant force, if it is finite.
-    """
+    """A body in its reference modes: frequencies, decay, columns of the contacts, load, start."""
 
     omega: Array
     decay: Array
-    lag: Array
+    lag: Array  # of modes that follow their force, 0 for the others
     beta: Array
     load: Array
     v: Array
-    modes: ReferenceModes | None = None
+    modes: ReferenceModes | None = None  # None for a rigid body
     damping: Damping = NO_DAMPING
-    compliance: Array | None = None
+    compliance: Array | None = None  # (m,) [m/N] under a constant force, if it is finite
 
 
 def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosure, ...]:
-    """The narrowest bounds on the force of each contact.
-
-    With `tol` > 0 those of the fewest Krylov vectors that bound the peak forces to `tol`.
-    """
+    """The narrowest bounds on each force; with `tol` those of the fewest vectors that meet it."""
     _check_run(assembly, run)
     bodies = assembly.bodies.values()
     sizes = consecutive_slices([body.omega.size for body in bodies])
@@ -243,10 +236,7 @@ def _max_vectors(body: SceneBody) -> int:
 
 
 def _reference_body(assembly: Assembly, body: SceneBody, span: slice, n: int) -> _ReferenceBody:
-    """A body of the run in its reference modes by `n` Krylov vectors; rigid bodies as they are.
-
-    span : its modes in the run.
-    """
+    """A body of the run (modes `span`) in reference modes by `n` vectors, or a rigid body."""
     system = assembly.system
     beta, v, load = system.beta[:, span], system.v[span], system.loads[0, span]
     inner = getattr(body.body, "body", body.body)
@@ -314,11 +304,7 @@ def _compliances(bodies: Sequence[_ReferenceBody], x: Array) -> Array:
 
 
 def _residual_channels(bodies: Sequence[_ReferenceBody]) -> tuple[Array, Array, Array]:
-    """Coefficients of the residuals in the J modes of all bodies (`csrc/enclosure.c`).
-
-    Returns those that drive the error (k, 5, J), those of damping (l, 5, J), and
-    the factors (J,) of |q'| by which damping brakes the modes.
-    """
+    """Residuals that drive (k, 5, J), those of damping (l, 5, J), brakes (J,): csrc/enclosure.c."""
     size = sum(body.omega.size for body in bodies)
     places = consecutive_slices([body.omega.size for body in bodies])
     rows, losses, brake = [np.zeros((0, 5, size))], [np.zeros((0, 5, size))], np.zeros(size)
@@ -351,10 +337,7 @@ def _enclosures_of_run(
     laws: Sequence[ContactLaw],
     n: int,
 ) -> tuple[Enclosure, ...]:
-    """The bounds on the forces of a run, from `n` Krylov vectors of its bodies.
-
-    laws : of the proof, one for each contact.
-    """
+    """The bounds on the forces of a run, from `n` Krylov vectors of its bodies."""
     m = len(laws)
     omega, decay, lag, load, v = (
         np.concatenate([getattr(body, name) for body in bodies])

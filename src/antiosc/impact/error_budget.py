@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -45,23 +44,16 @@ from antiosc.models.modal import ModalBody
 from antiosc.models.parameters import energy_error
 
 RelativeErrors = dict[str, float]
-#: Simulates an impact on another model, or by another law, to a tolerance.
-RerunOnModel = Callable[[LinearBody, float], History]
-RerunByLaw = Callable[[ContactLaw, float], History]
+#: Simulates an impact on another model to a tolerance, and by another law if one is given.
+Rerun = Callable[..., History]
 
 
 class RepeatedImpact:
-    """An impact that is repeated on other models and by other laws, to an error `tol` in time.
+    """An impact that is repeated on other models and by other laws, to an error `tol` in time."""
 
-    raw : its history on `model` itself; runs : all histories so far.
-    """
-
-    def __init__(
-        self, model: AntiOscillators, rerun: RerunOnModel, by_law: RerunByLaw, tol: float
-    ) -> None:
+    def __init__(self, model: AntiOscillators, rerun: Rerun, tol: float) -> None:
         self.model = model
         self.rerun = rerun
-        self.by_law = by_law
         self.tol = tol
         self.runs: list[History] = []
         self.raw_history = self.with_body(model)
@@ -73,7 +65,7 @@ class RepeatedImpact:
 
     def with_law(self, law: ContactLaw) -> History:
         """The history of the impact by another law."""
-        self.runs.append(self.by_law(law, self.tol))
+        self.runs.append(self.rerun(self.model, self.tol, law))
         return self.runs[-1]
 
     def history_of(self, body: LinearBody, tol: float) -> History:
@@ -124,12 +116,8 @@ RESOLVED_FACE_RATIO = 1.2
 TRIANGLE_FACTOR = 1.5
 #: Factor of safety for a site inside a beam element, which does not resolve the kink there.
 INSIDE_ELEMENT_SAFETY = 5.0
-#: Time integration error of the compared runs over that of the history.
-COMPARED_TOL_RATIO = 0.1
-#: Least time integration error of the compared runs.
-MIN_COMPARED_TOL = 1e-6
-#: Largest time integration error of the compared runs.
-MAX_COMPARED_TOL = 1e-4
+#: Time integration error of the compared runs over that of the history, its least and its largest.
+COMPARED_TOL_RATIO, MIN_COMPARED_TOL, MAX_COMPARED_TOL = 0.1, 1e-6, 1e-4
 #: Factor on the energy of second-order strain in the bars of a solid that is taken as linear, and
 #: the least share: 30 random blows changed by up to twice the energy, and by 0.2 % where it was
 #: nearly 0 (measured).
@@ -145,34 +133,32 @@ CUT_PATCH_NOTE = (
 )
 
 
-def error_budget(hit: History, rerun: RerunOnModel, by_law: RerunByLaw) -> ErrorBudget:
-    """The error bars of a run, by repeats on other models (`rerun`) and laws (`by_law`)."""
+def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
+    """The error bars of a run, by repeats on other models and by other laws."""
     model = hit.model
     if not isinstance(model, AntiOscillators):
         kind = type(model).__name__
         raise InputError(f"only impacts on AntiOscillators have an error budget; this is a {kind}.")
 
-    stretching_model = model
-    stretches = model.stretch is not None
     if not hit.contacts:
-        by_quantity = {name: ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0) for name in QUANTITIES}
+        by_quantity = {name: ErrorBar(0.0) for name in QUANTITIES}
         return ErrorBudget(by_quantity, 0.0, ("The bodies did not touch: nothing has a bar.",))
     if hopeless := hit.assembly.beyond_theory:
-        no_bar = partial(ErrorBar, mesh=0.0, truncation=0.0, time=0.0, patch=0.0, without_mesh=True)
-        bars_without = {name: no_bar(getattr(hit, name)) for name in QUANTITIES}
+        bars_without = {n: ErrorBar(getattr(hit, n), without_mesh=True) for n in QUANTITIES}
         no_mesh = capitalised(hopeless.replace("'structure'", "the part"))
         return ErrorBudget(bars_without, 0.0, unknown={"mesh": no_mesh})
 
-    tol = min(
-        max(
-            COMPARED_TOL_RATIO * max(_time_errors(hit), default=MAX_COMPARED_TOL), MIN_COMPARED_TOL
-        ),
-        MAX_COMPARED_TOL,
-    )
+    in_time = COMPARED_TOL_RATIO * max(_time_errors(hit), default=MAX_COMPARED_TOL)
+    tol = float(np.clip(in_time, MIN_COMPARED_TOL, MAX_COMPARED_TOL))
+    stretching_model = model
+    stretches = model.stretch is not None
     if stretches:
         model = replace(model, stretch=None)
-    impact = RepeatedImpact(model, rerun, by_law, tol)
-    of_mesh = _mesh_errors(impact, WITHOUT_STRETCHING_WORDS if hit.assembly.stretch_forces else "")
+
+    impact = RepeatedImpact(model, rerun, tol)
+    of_mesh = _mesh_errors(
+        impact, " (of runs without its stretching)" if hit.assembly.stretch_forces else ""
+    )
     patch, patch_notes = _patch_errors(impact)
     law, law_reason = law_error(impact)
     finer = None if hit.assembly.stretch_forces else impact.raw_history  # that is linear
@@ -199,9 +185,13 @@ def error_budget(hit: History, rerun: RerunOnModel, by_law: RerunByLaw) -> Error
         known_law = None if law is None else law[name]
         return ErrorBar(value, **causes, law=known_law, without_mesh=without_mesh)
 
-    linear = LINEAR_BARS_NOTE if stretches and model.strain_error is not None else ""
-    third = THIRD_ORDER_NOTE if hit.assembly.stretch_forces else ""
-    further = filter(None, [linear, third])
+    notes = [*patch_notes, *of_mesh.notes]
+    if stretches and model.strain_error is not None:
+        motion = "its bars but time and stretch are those of its linear motion"
+        notes.append(f"The part stretches: {motion}.")
+    if hit.assembly.stretch_forces:
+        notes.append("Not included: strain beyond third order, which an explicit FE program has.")
+
     found = {name: bar(name, getattr(hit, name)) for name in QUANTITIES}
     if hit.site_motion is not None:
         found[DEFLECTION] = bar(DEFLECTION, hit.site_motion.largest)
@@ -209,7 +199,7 @@ def error_budget(hit: History, rerun: RerunOnModel, by_law: RerunByLaw) -> Error
     return ErrorBudget(
         found,
         of_mesh.share,
-        (*patch_notes, *of_mesh.notes, *further),
+        tuple(notes),
         of_mesh.safety,
         unknown,
         restitution_of(hit),
@@ -230,18 +220,19 @@ def _proved_errors(hit: History) -> RelativeErrors:
 def _unknown_mesh(
     hit: History, model: AntiOscillators, stretches: bool, of_mesh: MeshErrors, is_cut: bool
 ) -> dict[str, str]:
-    """Why the error of "mesh", and perhaps of "truncation", is unknown: name -> text, or {}.
-
-    stretches : whether the part has second-order forces; is_cut : whether an edge cuts the patch.
-    """
+    """Why the error of "mesh", and perhaps of "truncation", is unknown: name -> text, or {}."""
     reason = model.info.no_estimate
     if reason and model.strain_error is None and not stretches:
-        return {"mesh": f"{UNKNOWN_MESH_NOTE}{reason}"}
+        what = "The mesh's error, and that of beams or shells in place of solids,"
+        return {"mesh": f"{what} is not known: {reason}"}
     if model.strain_error is not None or model.info.measured is not None:
         unresolved = _unresolved_text(hit, model, is_cut)
         return {"mesh": unresolved} if unresolved else {}
 
-    remedy = f"{COMPARISON_REMEDY} ({reason.rstrip('.')})" if reason else ESTIMATE_REMEDY
+    remedy = "extract the model from its mesh with the error 'estimate'"
+    if reason:
+        compare = "compare two sizes of the cells, and two numbers of anti-oscillators"
+        remedy = f"{compare} ({reason.rstrip('.')})"
     if of_mesh.truncation["peak_force"] > 0:  # too few anti-oscillators
         return {"mesh": f"The mesh's error is not known: {remedy}."}
 
@@ -264,16 +255,12 @@ def restitution_of(hit: History) -> float | None:
     return e
 
 
-#: Note for a law given by the caller.
-GIVEN_LAW_NOTE = "The contact's law was given: its error is not in these bars."
-
-
 def law_error(impact: RepeatedImpact) -> tuple[RelativeErrors | None, str]:
     """Relative errors by the contact law, or None and the reason why the bars lack them."""
     hit = impact.raw_history
     choice = choice_of(hit.law, hit.model, hit.impactor)
     if choice is None:
-        return bars.ZERO_ERRORS, GIVEN_LAW_NOTE
+        return bars.ZERO_ERRORS, "The contact's law was given: its error is not in these bars."
     if reason := unknown_error(choice, hit.peak_force):
         return None, f"The error of the contact's law is not known: {reason}."
 
@@ -288,25 +275,8 @@ def law_error(impact: RepeatedImpact) -> tuple[RelativeErrors | None, str]:
     return {name: share + max(change[name] for change in changes) for name in BAR_UNITS}, ""
 
 
-THIRD_ORDER_NOTE = "Not included: strain beyond third order, which an explicit FE program has."
-LINEAR_BARS_NOTE = (
-    "The part stretches: its bars but time and stretch are those of its linear motion."
-)
-#: Start of the note on parts whose mesh's error has no estimator, as those with joints.
-UNKNOWN_MESH_NOTE = (
-    "The mesh's error, and that of beams or shells in place of solids, is not known: "
-)
-#: The same where cells or patch are too large for the wave that the contact sends out, or where an
-#: edge cuts the patch on a part thinner than its radius, which bends under it.
-UNRESOLVED_NOTE = (
-    "The mesh's error is not known: {} at the site measures {}, too much for this contact; take"
-    f" cells of at most {{}} there ({CELL_ARGUMENTS})."
-)
 #: The laws of contacts at a point, whose patch is that of no flat face.
 POINT_CONTACT_LAWS = (Hertz, Gonthier, ElasticPlastic, YangSun)
-#: What estimates what no estimate was asked for.
-ESTIMATE_REMEDY = "extract the model from its mesh with the error 'estimate'"
-COMPARISON_REMEDY = "compare two sizes of the cells, and two numbers of anti-oscillators"
 
 
 def _stretch_errors(hit: History, model: AntiOscillators, impact: RepeatedImpact) -> RelativeErrors:
@@ -330,17 +300,6 @@ def _stretch_errors(hit: History, model: AntiOscillators, impact: RepeatedImpact
     return stretch_shares(stretch_errors, energy_ratio_before_peak(hit))
 
 
-#: Note where the truncation may change the force by more than `WARNING_SHARE`.
-TOO_FEW_NOTE = (
-    "The {} anti-oscillators are too few for this contact: the bar of the truncation is a rough"
-    " one."
-)
-
-
-#: Of the runs by which the error of the mesh of a part that stretches is estimated.
-WITHOUT_STRETCHING_WORDS = " (of runs without its stretching)"
-
-
 class MeshErrors(NamedTuple):
     """Errors due to the mesh and to truncation; zero without a mesh."""
 
@@ -352,10 +311,7 @@ class MeshErrors(NamedTuple):
 
 
 def _mesh_errors(impact: RepeatedImpact, linear_note: str) -> MeshErrors:
-    """The errors due to the mesh and to truncation, from runs on other models.
-
-    unstretched : words that the notes add if those runs leave out the stretching of the part.
-    """
+    """The errors due to the mesh and to truncation, from runs on other models."""
     model = impact.model
     raw = impact.raw_history
     no_error = model.strain_error is None and not model.info.no_estimate
@@ -364,7 +320,10 @@ def _mesh_errors(impact: RepeatedImpact, linear_note: str) -> MeshErrors:
 
     truncated = truncation_error(model, impact.history_of, tol=impact.tol)
     truncation = {name: getattr(truncated, name) for name in BAR_UNITS}
-    too_few = [TOO_FEW_NOTE.format(model.n)] if truncated.peak_force > WARNING_SHARE else []
+    too_few = []
+    if truncated.peak_force > WARNING_SHARE:
+        told = f"The {model.n} anti-oscillators are too few for this contact"
+        too_few = [f"{told}: the bar of the truncation is a rough one."]
     if model.strain_error is None:
         return MeshErrors(truncation=truncation, notes=too_few)
 
@@ -391,10 +350,7 @@ def _mesh_errors(impact: RepeatedImpact, linear_note: str) -> MeshErrors:
 
 
 def _safety_factor(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
-    """The safety factor of the mesh error, and notes if it is not the usual one.
-
-    share : energy of the strain errors over the strain energy.
-    """
+    """(safety factor of the mesh error, doubts); share : energy of strain errors in the energy."""
     safety = SAFETY
     doubts = []
     if share > COARSE_STRAIN_ERROR:
@@ -446,10 +402,7 @@ def _time_errors(hit: History) -> list[float]:
 
 
 def _step_errors(hit: History, finer: History | None, tol: float) -> dict[str, float]:
-    """Errors due to the time steps: the run's own estimate, or the change in `finer` if larger.
-
-    finer : the same impact with an error in time of `tol`.
-    """
+    """Errors by the time steps: the run's estimate, or its change in a run `finer` to `tol`."""
     error = max(_time_errors(hit), default=0.0)
     estimated = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
     change = bars.ZERO_ERRORS if finer is None else bars.relative_changes_with_site(hit, finer)
@@ -503,4 +456,8 @@ def _unresolved_text(hit: History, model: AntiOscillators, is_cut: bool) -> str:
     else:
         return ""
 
-    return UNRESOLVED_NOTE.format(what, *(engineering(one, "m") for one in sizes))
+    size, allowed = (engineering(one, "m") for one in sizes)
+    return (
+        f"The mesh's error is not known: {what} at the site measures {size}, too much for this"
+        f" contact; take cells of at most {allowed} there ({CELL_ARGUMENTS})."
+    )

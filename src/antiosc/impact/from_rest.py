@@ -73,10 +73,7 @@ def motions_from_rest(
     durations: Array,
     samples: IntArray,
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield (times, modal displacements (S, J), forces) of S bodies from rest, step by step.
-
-    A body with fewer times than another repeats its last one.
-    """
+    """Yield (times, modal displacements (S, J), forces) of S bodies from rest, step by step."""
     even_times = map(np.linspace, np.zeros(len(forces)), durations, samples)
     times = [np.union1d(even, own) for even, (own, _) in zip(even_times, forces, strict=True)]
     values = [

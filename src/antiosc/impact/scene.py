@@ -32,7 +32,7 @@ from antiosc.engine.equilibrium import set_initial_forces
 from antiosc.engine.march import TOUCH_RESOLUTION, Converged, solve
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.bodies import Impactor, Obstacle
-from antiosc.impact.histories import History, RepeatableRun, SceneHistory
+from antiosc.impact.histories import History, SceneHistory
 from antiosc.impact.histories.linear_theory import large_deflection_message, warn_large_rotation
 from antiosc.impact.histories.run_end import (
     RunEnd,
@@ -152,12 +152,7 @@ class Scene(SceneParts):
         check_range(history, doubts)
         _warn_coarse_cells(self, history)
 
-        if not proof:
-            return history
-
-        from antiosc.impact.enclosure import enclosures  # loaded where it is used
-
-        return replace(history, enclosures=enclosures(history.assembly, history.run))
+        return with_proof(history) if proof else history
 
 
 def _run_scene(scene: Scene, settings: Settings, duration: float) -> SceneHistory:
@@ -169,7 +164,7 @@ def _run_scene(scene: Scene, settings: Settings, duration: float) -> SceneHistor
 
 
 @dataclass(frozen=True, eq=False)
-class RepeatableSceneRun(RepeatableRun):
+class RepeatableSceneRun:
     """A scene with the options of its run."""
 
     scene: Scene
@@ -204,8 +199,8 @@ class RepeatableSceneRun(RepeatableRun):
         return other.run(changes.get("duration", self.duration), **options)
 
 
-def with_proof(history: History, tol: float) -> History:
-    """The history with proved bounds on its force; a warning if they are wider than `tol`."""
+def with_proof(history: H, tol: float = 0.0) -> H:
+    """The history with proved bounds on its forces; a warning if they are wider than `tol` > 0."""
     from antiosc.impact.enclosure import enclosures, max_peak_width  # loaded where it is used
 
     found = enclosures(history.assembly, history.run, tol)
@@ -230,10 +225,7 @@ def with_warning(history: H, sentence: str) -> H:
 
 
 def integrate(kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings) -> H:
-    """The history, of class `kind`, of an assembly, before its warnings.
-
-    If bodies stretch, a linear run shows whether second-order forces matter.
-    """
+    """The history, of class `kind`, of an assembly, before its warnings."""
     if assembly.stretches and (
         settings.method != "exact" or settings.step is not None or assembly.scene.preload
     ):
@@ -518,7 +510,7 @@ def simulate_impact(scene: Impact, settings: Settings, n: int | str | None = Non
 
 
 @dataclass(frozen=True, eq=False)
-class RepeatableImpact(RepeatableRun):
+class RepeatableImpact:
     """An impact of two bodies with the options of its run."""
 
     impact: Impact
@@ -540,36 +532,23 @@ class RepeatableImpact(RepeatableRun):
 
         return simulate(**arguments)
 
-    def rerun(self, model: LinearBody, tol: float) -> History:
-        """Simulate the impact on another model by the exact method, without warnings."""
-        return self._run_exactly(tol, model=model)
-
-    def by_law(self, law: ContactLaw, tol: float) -> History:
-        """As `rerun`, with another law and without second-order forces of the part."""
-        model = self.impact.model
-        if isinstance(model, AntiOscillators) and model.stretch is not None:
-            model = replace(model, stretch=None)
-        return self._run_exactly(tol, model=model, contact=law)
-
-    def _run_exactly(self, tol: float, **changes: Any) -> History:
+    def rerun(self, model: LinearBody, tol: float, law: ContactLaw | None = None) -> History:
+        """The impact on another model, and by another law, exactly and without warnings."""
+        impact = self.impact._replace(model=model, contact=law or self.impact.contact)
         exact = replace(self.settings, tol=tol, method="exact", step=None)
         with without_warnings():
-            return simulate_impact(self.impact._replace(**changes), exact)
+            return simulate_impact(impact, exact)
 
     def error_budget(self, hit: History) -> ErrorBudget:
         from antiosc.impact.error_budget import error_budget  # loaded where it is used
 
-        return error_budget(hit, self.rerun, self.by_law)
+        return error_budget(hit, self.rerun)
 
 
 def _truncated_model(
     model: LinearBody, n: int | str, run: RunOnModel, tol: float
 ) -> tuple[LinearBody, dict[str, float], str]:
-    """Truncate a model to `n` anti-oscillators; "auto": the fewest that meet `tol`.
-
-    run : the impact, as for `truncation_error`. Returns the model, its estimated relative errors,
-    and a note if its anti-oscillators are too few.
-    """
+    """(model truncated to `n`, "auto": to the fewest for `tol`; its errors; note on a lack)."""
     if not isinstance(model, AntiOscillators):
         raise InputError(f"only AntiOscillators can be truncated; got {type(model).__name__}.")
     if not isinstance(n, str):

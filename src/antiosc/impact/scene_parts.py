@@ -352,10 +352,7 @@ def set_axes(
 
 
 def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> Array:
-    """Row (P,) that gives a site's displacement along a direction from the body's columns.
-
-    direction : (3,), or None for the body's one coordinate; end : name of the site in errors.
-    """
+    """Row (P,) of a site's displacement along a direction; None: along its coordinate."""
     row = np.zeros(body.B.shape[1])
     columns = list(body.sites[site])
     if not columns:

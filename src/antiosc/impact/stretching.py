@@ -90,10 +90,7 @@ class StretchedMotion:
     change: float
 
     def leading(self, count: int) -> Stretch:
-        """The second-order forces in the `count` motions with the largest amplitudes.
-
-        A number that the user has set takes the place of `count`.
-        """
+        """The second-order forces in the `count` (or given number of) motions that are largest."""
         if self.stretch.count != "auto":
             count = self.stretch.count
         if count >= self.stretch.size:
@@ -129,11 +126,7 @@ def motion_of(history: History, name: str) -> StretchedMotion | None:
 
 
 def with_stretch(linear: H, integrate: IntegrateAssembly[H], tol: float) -> tuple[H, str]:
-    """Repeat a linear run with second-order forces of its bodies.
-
-    again : integrates an assembly; tol : relative error to aim at. Returns the run, or `linear` if
-    these forces are small, and a warning or "".
-    """
+    """(linear run, or its repeat with second-order forces unless small; a warning or "")."""
     a = linear.assembly
     every_motion = {name: motion_of(linear, name) for name in a.bodies}
     motion_by_body = {name: motion for name, motion in every_motion.items() if motion is not None}
@@ -214,9 +207,7 @@ def largest_changes(changes: list[dict[str, float]]) -> dict[str, float]:
 
 
 def relative_differences(first: History, second: History) -> dict[str, float]:
-    """Relative changes between two runs: of each quantity the largest of all contacts, and the
-    largest of the deflections.
-    """
+    """Largest relative changes between two runs: of each quantity of contacts, of deflections."""
     worst = dict.fromkeys(bars.QUANTITIES, 0.0)
     for a, b in zip(first.contact_histories, second.contact_histories, strict=True):
         if b.contacts:
@@ -233,10 +224,7 @@ def relative_differences(first: History, second: History) -> dict[str, float]:
 
 
 def stretch_shares(changes: Mapping[str, float], before: float) -> dict[str, float]:
-    """Relative errors by second-order motions that are left out, for the error bars.
-
-    changes : relative changes by two more motions; before : `energy_ratio_before_peak` of the run.
-    """
+    """Bounds for motions left out, by the changes with two more and the energies `before`."""
     worst = max(changes.get(name, 0.0) for name in DECIDING_WEIGHTS)
     floors = dict.fromkeys(bars.QUANTITIES, bars.MIN_ERROR_SHARE * worst)
     floors[bars.DEFLECTION] = 0.0  # it is among those that make the floors
@@ -255,10 +243,7 @@ def stretch_shares_of(run: History) -> dict[str, float]:
 
 
 def _too_few_text(count: int, shares: Mapping[str, float]) -> str:
-    """Sentence on a run with `count` motions that two more would still change.
-
-    shares : relative errors by `stretch_shares`.
-    """
+    """Sentence on a run with `count` motions that two more would still change."""
     force, deflection = shares["peak_force"], shares[bars.DEFLECTION]
     advice = f" To narrow it, {NARROWING_REMEDY}." if max(force, deflection) > ROUGH_ERROR else ""
     return (

@@ -180,9 +180,7 @@ def choose_n(model: AntiOscillators, run: RunOnModel, tol: float = 1e-2) -> Trun
 def softest_model(model: AntiOscillators) -> AntiOscillators:
     """The model whose residual mass has the softest springs that the moments of the model permit.
 
-    If Krylov anti-oscillators have not converged, it is the Gauss rule of the same moments
-    (module); otherwise one spring with the first truncated frequency, extrapolated from the last
-    two, carries m0.
+    The Gauss rule of the moments (module), or a spring of the extrapolated next frequency for m0.
     """
     if model.m0 == 0:  # nothing is left out but what the last anti-oscillator stands for
         return model.truncated(model.n - 1)
@@ -314,10 +312,7 @@ def too_few_text_of_run(hit: History, rerun: RunOnModel | None, tol: float) -> s
 
 
 def warn_too_few(hit: History, rerun: Callable[[dict[str, object]], History]) -> None:
-    """Warn of each body for which half as many anti-oscillators change a peak force too much.
-
-    rerun : repeats the run with other bodies by name.
-    """
+    """Warn of each body for which half as many anti-oscillators change a peak force too much."""
     scene = hit.assembly.scene
     contacts = hit.contact_histories
     ends = [{end.partition(":")[0] for end in contact.ends} for contact in contacts]

@@ -6,7 +6,7 @@ the contact pushes it, whatever the axes of its mesh.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from ctypes import byref, c_int64, c_void_p
 from typing import NamedTuple, cast
 
@@ -89,10 +89,7 @@ class ModalPair(NamedTuple):
 def check_span(system: System, duration: float) -> None:
     """InputError if nothing moves; AccuracyError if phases lose their digits in a duration [s]."""
     if not system.omega.size:
-        raise InputError(
-            "nothing can move: neither the model nor the impactor has a mass; give m0 or m > 0,"
-            " or an impactor with a mass."
-        )
+        raise InputError("nothing can move: give the model or the impactor a mass.")
 
     fastest = float(system.omega.max())
     if fastest * duration > MAX_PHASE:
@@ -282,9 +279,7 @@ class ImpactRows:
         self._held = system, rows
 
     def _strikers(self, impacts: Sequence[Impact], system: System) -> tuple[Array, Array, Array]:
-        """Contact rows (S, J) and modal start velocities (S, J) of S impacts by rigid impactors,
-        and the masses (S,) [kg] behind the contacts.
-        """
+        """Contact rows and start velocities (S, J), and masses (S,) [kg] behind the contacts."""
         count = len(impacts)
         strikers = [cast("RigidMass", striker.impactor) for striker in impacts]
         beta, v = (np.repeat(row.reshape(1, -1), count, axis=0) for row in (system.beta, system.v))
@@ -293,9 +288,7 @@ class ImpactRows:
         v[:, -1] = -(np.array([striker.velocity for striker in strikers]) * b / (b * b))
         return beta, v, 1 / (self.pair.modes[0].mobility + b * b)
 
-    def solve(
-        self, report: Callable[[int], None]
-    ) -> tuple[NDArray[np.void], list[tuple[Array, Array]]]:
+    def solve(self) -> tuple[NDArray[np.void], list[tuple[Array, Array]]]:
         """The outcomes (`aom_outcome`), and nodes [s] and forces [N] of the contacts of each."""
         rows = self.rows
         size = self._held[0].omega.size
@@ -317,7 +310,6 @@ class ImpactRows:
         while status in (library.PAUSED, library.FULL):
             status = library.library.aom_batch_solve(*arguments)
             pulses += space.read_pulses(outcomes["n_nodes"][len(pulses) : count.value])
-            report(count.value)
 
         return outcomes, pulses
 

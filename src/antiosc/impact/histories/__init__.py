@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from antiosc.impact.histories.bars import ErrorBudget
-    from antiosc.models.body import LinearBody
 
 
 #: Width of the names of results.
@@ -66,7 +65,7 @@ class History(RunHistory, SavableResults):
     stresses : the stress fields of `strike(…, stress_tol=…)`, quantity -> `PeakField`; else None.
     """
 
-    source: RepeatableRun | None = None
+    source: Any = None
     budget: ErrorBudget | None = None
     stresses: Mapping[str, Any] | None = None
 
@@ -110,7 +109,8 @@ class History(RunHistory, SavableResults):
 
         changes = {"model": model, "law": law, "velocity": velocity}
         changes |= {"duration": duration, "step": step}
-        return self.source.again({k: v for k, v in changes.items() if v is not None})
+        again: History = self.source.again({k: v for k, v in changes.items() if v is not None})
+        return again
 
     @property
     def rerun(self) -> Rerun | None:
@@ -314,22 +314,8 @@ class History(RunHistory, SavableResults):
         ]
 
 
-#: Simulates an impact on another model to a tolerance.
-Rerun: TypeAlias = "Callable[[LinearBody, float], History]"
-
-
-class RepeatableRun:
-    """Base class of objects that can simulate the run of a history again.
-
-    Those of an impact of two bodies also have `rerun` and `error_budget`.
-    """
-
-    def again(self, changes: Mapping[str, Any]) -> History:
-        """The same run with other numbers."""
-        raise NotImplementedError
-
-
-H = TypeVar("H", bound=History)
+#: Simulates an impact on another model to a tolerance, and by another law if one is given.
+Rerun: TypeAlias = "Callable[..., History]"
 
 
 class SceneHistory(History):

@@ -37,28 +37,17 @@ ALWAYS_SHOWN_CAUSES = ("law", *RARE_CAUSES)
 
 @dataclass(frozen=True)
 class ErrorBar:
-    """The bar of one quantity: bounds on its relative errors, by cause.
+    """The bar of one quantity: bounds on its relative errors, by cause."""
 
-    value : value of the quantity, SI units.
-    mesh : bound for displacements that the mesh cannot represent.
-    truncation : bound for the anti-oscillators that the model leaves out.
-    time : bound for the time integration.
-    patch : bound for the choice of the radius of the patch.
-    noise : for a measured model: noise, and modes above the measured band.
-    law : bound for the contact law and its parameters; None: not known.
-    stretch : bound for second-order forces of omitted modes, if a part stretches.
-    without_mesh : whether the mesh's error is not known, and `mesh` 0.
-    """
-
-    value: float
-    mesh: float
-    truncation: float
-    time: float
-    patch: float
-    noise: float = 0.0
-    law: float | None = 0.0
-    stretch: float = 0.0
-    without_mesh: bool = False
+    value: float  # of the quantity, SI units
+    mesh: float = 0.0  # displacements that the mesh cannot represent
+    truncation: float = 0.0  # anti-oscillators that the model leaves out
+    time: float = 0.0  # time integration
+    patch: float = 0.0  # choice of the radius of the patch
+    noise: float = 0.0  # of a measured model: noise, and modes above the measured band
+    law: float | None = 0.0  # the contact law and its parameters; None: not known
+    stretch: float = 0.0  # second-order forces of omitted modes, if a part stretches
+    without_mesh: bool = False  # whether the mesh's error is not known, and `mesh` 0
 
     @property
     def numerical(self) -> float:
@@ -232,9 +221,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return f"{restitution_text(e, digits)} {error}{self.condition}"
 
     def shares(self, name: str) -> dict[str, float | None]:
-        """Cause -> its relative error of a quantity, or None if unknown; also the total and the
-        sides "below" and "above".
-        """
+        """Cause -> its relative error or None if unknown; also "total", "below" and "above"."""
         bar = self.bars[name]
         not_known = CAUSES if name in self.unknown else [c for c in self.unknown if c != "law"]
         shares = {cause: None if cause in not_known else getattr(bar, cause) for cause in CAUSES}

@@ -52,10 +52,7 @@ def open_contacts(run: Run, system: System) -> list[int]:
 def status_of(
     assembly: Assembly, ended: RunEnd, tol: float, limits: tuple[int, int]
 ) -> tuple[int, str]:
-    """(status, message) of a run with the relative tolerance `tol`.
-
-    limits : max_contacts, max_steps.
-    """
+    """(status, message) of a run to a tolerance; limits : max_contacts, max_steps."""
     if failure := stop_text(ended.answer, ended.time, *limits):
         return STOPPED, failure[0].upper() + failure[1:] + "."
 
@@ -80,24 +77,19 @@ def warn_unless_completed(status: int, message: str) -> None:
 def inexact_message(ended: RunEnd | Converged, tol: float, max_steps: int) -> str:
     """Why a complete run does not meet the tolerance; "" if it does."""
     worst = max(ended.force, ended.peak)
+    if worst <= tol:
+        return ""
+
+    told = (
+        f"The contact forces did not converge: finer runs within max_steps = {max_steps} differ by"
+        f" {worst:.2g}, not tol = {tol:g} (if they rattle, small errors grow)."
+    )
     if worst == np.inf:
-        if ended.certain_time > 0:
-            return (
-                f"The error is not known: a finer run takes too many steps. Up to"
-                f" {ended.certain_time:.4g} s the two agree; shorten the duration to that."
-            )
-        return (
-            f"The error is not known: max_steps = {max_steps} leaves no finer run to compare with;"
-            f" raise it or shorten the duration."
-        )
-    if not worst <= tol:
-        return (
-            f"The contact forces did not converge: finer runs within max_steps = {max_steps} differ"
-            f" by {worst:.2g}, not tol = {tol:g} (if they rattle, small errors grow). Up to"
-            f" {ended.certain_time:.4g} s they agree; raise max_steps, or shorten the duration to"
-            " that."
-        )
-    return ""
+        told = f"The error is not known: max_steps = {max_steps} leaves no finer run to the end."
+    agreement = ""
+    if ended.certain_time > 0:
+        agreement = f" Up to {ended.certain_time:.4g} s runs agree."
+    return f"{told}{agreement} Raise max_steps, or shorten the duration."
 
 
 def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
@@ -141,9 +133,10 @@ def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
                 " the velocity or gravity or, in a scene, the ends"
             )
 
-    if system.breaks.size > 1:  # what acts changes in time
-        return f"no contact closed within {ended.time:g} s; lengthen the duration"
-    return "nothing moves the bodies toward each other; give one a velocity > 0, or gravity"
+    return (
+        "nothing moves the bodies toward each other at the start; give one a velocity > 0, or"
+        " gravity, or lengthen the duration"
+    )
 
 
 def _without_rounding(beta: Array, modal: Array) -> Array:
@@ -160,10 +153,7 @@ def scenes_text(scenes: Sequence[int], size: int, worst: int) -> str:
 
 
 def warn_of_batch(results: Sequence[tuple[int, str]], needed_radii: Sequence[float]) -> None:
-    """Warn once for each status in the results (status, message) of a batch.
-
-    needed_radii : radius [m] of the patch that each scene needs, by which the worst is chosen.
-    """
+    """Warn once for each status of a batch; the worst scene needs the largest radius [m]."""
     kinds: dict[int, list[int]] = {}
     for i, (status, message) in enumerate(results):
         if message != COMPLETED_MESSAGE:

@@ -19,13 +19,10 @@ INITIAL_DURATION, LONGER = 1e-3, 32
 
 
 class SiteMotion(NamedTuple):
-    """The displacement of a site along the impact, of `History.displacement`.
+    """The displacement of a site along the impact, of `History.displacement`."""
 
-    largest : the largest within the run [m]; `time` [s]: when.
-    """
-
-    largest: float
-    time: float
+    largest: float  # within the run [m]
+    time: float  # when [s]
 
 
 def site_motion(hit: RunHistory) -> SiteMotion | None:

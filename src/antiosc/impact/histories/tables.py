@@ -27,10 +27,7 @@ MAX_TABLE_BYTES = 2**30
 
 
 class SavableResults(ReprMixin):
-    """Base of histories that can be written as tables, numbers and files.
-
-    Subclasses define `columns` and `numbers`.
-    """
+    """Base of histories that can be written: subclasses define `columns` and `numbers`."""
 
     def columns(self) -> dict[str, Array]:
         """The table of the history: name with unit -> values (n,) at `time`."""
@@ -43,10 +40,7 @@ class SavableResults(ReprMixin):
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write the table as CSV: a line of names with units, then the values with all digits.
 
-        Raises
-        ------
-        InputError
-            The file cannot be written.
+        InputError where the file cannot be written.
         """
         target = checks.path("path", path)
         table = self.columns()
@@ -60,10 +54,7 @@ class SavableResults(ReprMixin):
     def to_json(self, path: str | os.PathLike[str] | None = None) -> str:
         """The single results and the table as JSON text; with `path` it is also written there.
 
-        Raises
-        ------
-        InputError
-            The file cannot be written.
+        InputError where the file cannot be written.
         """
         table = {name: values.tolist() for name, values in self.columns().items()}
         text = json.dumps({"antiosc": __version__, **self.numbers(), "series": table}, indent=1)
@@ -72,13 +63,7 @@ class SavableResults(ReprMixin):
         return text
 
     def to_dataframe(self) -> object:
-        """The table as a pandas DataFrame, its index the time in s.
-
-        Raises
-        ------
-        MissingDependencyError
-            pandas is not installed.
-        """
+        """The table as a pandas DataFrame over time [s]; MissingDependencyError without pandas."""
         try:
             import pandas as pd
         except ImportError:
@@ -93,12 +78,8 @@ class SavableResults(ReprMixin):
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the table and the single results to one NumPy `.npz` file; see `load`.
 
-        Models and fields are not stored: pickle the history for those.
-
-        Raises
-        ------
-        InputError
-            The file cannot be written, or has the ending of a table.
+        Models and fields are not stored: pickle the history for those. InputError where the file
+        cannot be written, or has the ending of a table.
         """
         target = checks.path("path", path)
         table = self.columns()
@@ -120,13 +101,7 @@ class SavableResults(ReprMixin):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> SavedHistory:
-        """Read a file that `save` wrote.
-
-        Raises
-        ------
-        InputError
-            The file is not one that `save` wrote.
-        """
+        """Read a file that `save` wrote; InputError for others."""
         header, arrays = read_model_file(path, {"table"}, FILE_FORMAT, MAX_TABLE_BYTES)
 
         try:
