@@ -43,11 +43,7 @@ def write_arrays(path: str | os.PathLike[str], arrays: Arrays, what: str) -> Non
 
 
 def read_arrays(path: Path, max_bytes: int, what: str, dtype_kinds: str = "fiuU") -> Arrays:
-    """The arrays of an .npz file by name.
-
-    `dtype_kinds`: kinds of dtype that are allowed; `max_bytes`: bytes, of the file and of all
-    arrays. InputError for others.
-    """
+    """The arrays of an .npz file by name; InputError above `max_bytes` and for other dtypes."""
     import zipfile  # takes long to load
 
     try:

@@ -146,13 +146,13 @@ def is_rigid(value: object) -> bool:
     return is_infinite(value) and value == inf
 
 
-def poisson(value: object, name: str = "nu") -> float:
+def poisson(value: object) -> float:
     """Poisson's ratio of a stable isotropic material, -1 < nu < 0.5, or InputError."""
-    result = number(name, value)
+    result = number("nu", value)
     if not -1 < result < 0.5:
         raise InputError(
-            f"{name} must lie in -1 < {name} < 0.5 (0.5 is incompressible and has no finite"
-            f" stiffness here); got {result:g}."
+            f"nu must lie in -1 < nu < 0.5 (0.5 is incompressible, without a finite stiffness);"
+            f" got {result:g}."
         )
 
     return result
@@ -249,10 +249,7 @@ def coordinates(name: str, value: object, unit: str = "m") -> tuple[float, ...]:
 
 
 def scaled_symmetric(matrix: Array, scale: Array) -> tuple[Array, float]:
-    """(symmetric part, largest asymmetry) of a matrix (n, n) over scales (n,) of rows and columns.
-
-    Scales of 0 count as 1.
-    """
+    """(symmetric part, largest asymmetry) of a matrix over scales (n,) of its rows and columns."""
     scale = np.where(scale > 0, scale, 1.0)
     unit = matrix / scale[:, None] / scale
     return (unit + unit.T) / 2, float(np.abs(unit - unit.T).max(initial=0.0))

@@ -154,10 +154,7 @@ def _frames_to_caller() -> int:
 
 @contextmanager
 def warnings_to(receiver: Callable[[str], None]) -> Iterator[None]:
-    """Context in which `receiver` gets antiosc's warnings of this thread.
-
-    Python's filters would act on all threads.
-    """
+    """Context in which `receiver` gets antiosc's warnings of this thread, not Python's filters."""
     token = _warning_receiver.set(receiver)
     try:
         yield
@@ -172,10 +169,7 @@ def without_warnings() -> AbstractContextManager[None]:
 
 @contextmanager
 def warnings_of_last() -> Iterator[Callable[[], None]]:
-    """Context of several trials that gives the warnings of the last one.
-
-    It yields a function to be called before each trial, which drops the earlier warnings.
-    """
+    """Context of several trials; yields a function that drops the warnings of the earlier ones."""
     messages: list[str] = []
 
     try:
@@ -214,10 +208,7 @@ NEAREST_NAME_COUNT = 5
 
 
 def name_list(wanted: object, names: Iterable[str], what: str) -> str:
-    """ "its groups are: 'a', 'b'", or of many "the nearest of its groups (90) are: 'a', 'b'".
-
-    `what` : the noun of the sentence, as "its groups".
-    """
+    """Text "`what` are: 'a', 'b'", or of many names those that are nearest to the wanted one."""
     sorted_names = sorted(names)
     if len(sorted_names) <= MAX_LISTED_NAMES:
         return f"{what} are: {', '.join(map(repr, sorted_names)) or 'none'}"

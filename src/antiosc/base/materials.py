@@ -16,36 +16,24 @@ from antiosc.base.texts import engineering
 
 @dataclass(frozen=True)
 class MaterialRecord:
-    """A material as the table has it, SI units.
-
-    E, nu, G : Young's modulus [Pa] and Poisson's ratio; for wood those of `orthotropic`, with G.
-    rho : density [kg/m^3].
-    yield_strength : yield strength [Pa]; None for a material that does not yield (`brittle`).
-    yield_range : lowest and highest yield strength of the sources [Pa], or None.
-    rate : D [1/s] and q of Cowper and Symonds, and the strength [Pa] that grows if it is not the
-        yield strength; None: not in the sources.
-    loss : loss factor; 0: not in the sources.
-    tensile : least and largest strength in tension [Pa] of a material that cracks, or None.
-    source, note : sources of the numbers (read, or from memory), and their limits.
-    typical : numbers that no available source gives, with their range; "" for none.
-    breaks : what is known on breaking, in words; "" for nothing.
-    """
+    """A material as the table has it, SI units; None and 0 are not in the sources."""
 
     name: str
-    E: Any
+    E: Any  # E, nu: of wood those of `orthotropic`, with G
     nu: Any
     rho: float
-    yield_strength: float | None
-    yield_range: tuple[float, float] | None
+    yield_strength: float | None  # None for a material that does not yield (`brittle`)
+    yield_range: tuple[float, float] | None  # lowest and highest of the sources
     brittle: bool
+    #: D and q of Cowper and Symonds, and the strength that grows if it is not the yield strength
     rate: tuple[float, ...] | None
-    loss: float
-    source: str
-    note: str
+    loss: float  # loss factor
+    source: str  # of the numbers: read, or from memory
+    note: str  # their limits
     G: Any = None
-    typical: str = ""
-    breaks: str = ""
-    tensile: tuple[float, float] | None = None
+    typical: str = ""  # numbers that no available source gives, with their range
+    breaks: str = ""  # what is known on breaking, in words
+    tensile: tuple[float, float] | None = None  # least and largest, of a material that cracks
 
     @property
     def line(self) -> str:

@@ -88,24 +88,19 @@ def _level(name: str) -> int | None:
 def quiet(*names: str) -> Iterator[None]:
     """Hide messages below WARNING that this thread sends to the named loggers."""
     loggers = [logging.getLogger(name) for name in names]
-    filters = _BelowWarning()
+    thread = threading.get_ident()
+
+    def is_shown(record: logging.LogRecord) -> bool:
+        return record.levelno >= logging.WARNING or record.thread != thread
+
     for logger in loggers:
-        logger.addFilter(filters)
+        logger.addFilter(is_shown)
 
     try:
         yield
     finally:
         for logger in loggers:
-            logger.removeFilter(filters)
-
-
-class _BelowWarning(logging.Filter):
-    def __init__(self) -> None:
-        super().__init__()
-        self.thread = threading.get_ident()
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        return record.levelno >= logging.WARNING or record.thread != self.thread
+            logger.removeFilter(is_shown)
 
 
 @contextmanager

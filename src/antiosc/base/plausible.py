@@ -58,10 +58,7 @@ USUAL_RANGES = {
 
 
 def range_doubt(quantity: str, value: float, what: str, low: float = 0.0, high: float = inf) -> str:
-    """Sentence that a value lies outside `USUAL_RANGES[quantity]`; "" if it does not.
-
-    `low`, `high` narrow the range; `what` is the subject of the sentence.
-    """
+    """Sentence that a value lies outside its usual range, narrowed by `low` and `high`; or ""."""
     usual = USUAL_RANGES[quantity]
     low, high = max(low, usual.low), min(high, usual.high)
     if low <= value <= high:
@@ -106,11 +103,7 @@ def material_doubt(material: ExaminedMaterial) -> str:
 
 
 def size_doubt(extent: float, unit_stated: bool = False, is_frame: bool = False) -> str:
-    """Why the diagonal [m] of a part's box is implausible; "" if it is not.
-
-    A large one is accepted if the user has stated the unit (`unit_stated`), or up to
-    `MAX_FRAME_SIZE` of beams and trusses (`is_frame`).
-    """
+    """Why the diagonal [m] of a part is implausible, or ""; frames, stated units may be large."""
     long = USUAL_RANGES["length"].high < extent
     if long and (unit_stated or (is_frame and extent <= MAX_FRAME_SIZE)):
         return ""
@@ -147,11 +140,7 @@ def patch_doubt(radius: float, extent: float) -> str:
 def impact_doubts(
     models: Iterable[object], movers: Iterable[object], *velocities: object
 ) -> list[str]:
-    """For each model, why the speed of the blow is implausible, or "".
-
-    The speed [m/s] is the largest of those of `movers` and of `velocities`; InputError if no solid
-    has such waves.
-    """
+    """For each model, why the largest speed is implausible, or ""; InputError far beyond."""
     all_velocities = [*velocities, *[getattr(mover, "velocity", 0.0) for mover in movers]]
     speed = max(map(_max_speed, all_velocities), default=0.0)
     return [_impact_doubt(model, speed) for model in models]

@@ -30,7 +30,7 @@ from antiosc.base.errors import OutOfMemoryError
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
-#: Variables by which users choose a number of threads; the first one that is set counts.
+#: Variables by which users choose a number of threads.
 THREAD_VARIABLES = (
     *("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "GOTO_NUM_THREADS"),
     "OMP_NUM_THREADS",
@@ -48,11 +48,9 @@ def return_free_memory() -> None:
         trim(0)
 
 
-def user_threads() -> tuple[str, str] | None:
-    """(variable, number of threads) set by the user in the environment, or None."""
-    return next(
-        ((name, os.environ[name]) for name in THREAD_VARIABLES if os.environ.get(name)), None
-    )
+def user_threads() -> bool:
+    """Whether the user has set a number of threads in the environment."""
+    return any(os.environ.get(name) for name in THREAD_VARIABLES)
 
 
 def core_count() -> int:
@@ -160,11 +158,7 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def blas_threads(front_operations: Array) -> Iterator[int | None]:
-    """Context with as many BLAS threads as pay for these fronts; yields their number, or None.
-
-    `front_operations`: operation counts. None: no library of threads is known, or the user has set
-    a number.
-    """
+    """Context with as many BLAS threads as pay for fronts of so many operations; yields them."""
     blas = None if user_threads() else _blas()
     if blas is None:
         yield None
@@ -223,8 +217,7 @@ def _process_limit() -> float:
 def require_memory(
     needed_bytes: float, what: str, remedy: str, free_bytes: float | None = None
 ) -> None:
-    """OutOfMemoryError "`what` needs 3 GB and 2 GB are free: `remedy`." unless "
-    "`needed_bytes` fit."""
+    """OutOfMemoryError "`what` needs 3 GB and 2 GB are free: `remedy`." unless the bytes fit."""
     if free_bytes is None and needed_bytes < NEGLIGIBLE_BYTES:
         return
     free_bytes = free_memory() if free_bytes is None else free_bytes

@@ -45,22 +45,6 @@ def principal(tensor: ArrayLike) -> Array:
     return np.asarray(np.linalg.eigvalsh(tensors("tensor", tensor))[..., ::-1])
 
 
-def hill_index(s: Array, X: tuple[float, float], Y: tuple[float, float], S: float) -> Array:
-    """Tsai–Hill index (...,) of stresses s (..., 6).
-
-    X, Y: strengths along and across the fibres, each (tension, compression); S: in shear [Pa].
-    """
-    sigma1 = s[..., 0]
-    sigma2 = s[..., 1]
-    shear = s[..., 5]
-    x = np.where(sigma1 < 0, X[1], X[0])
-    y = np.where(sigma2 < 0, Y[1], Y[0])
-
-    return np.asarray(
-        (sigma1 / x) ** 2 - sigma1 * sigma2 / x**2 + (sigma2 / y) ** 2 + (shear / S) ** 2
-    )
-
-
 @checks.within_range
 def delamination_load(D: float, G: float) -> float:
     """Static load [N] at which a delamination in the middle of a plate grows, π √(32 D G/3).
@@ -127,11 +111,6 @@ VON_MISES_ROOT = np.zeros((5, 6))
 VON_MISES_ROOT[0, :3] = np.sqrt(0.75) * np.array([1.0, -1.0, 0.0])
 VON_MISES_ROOT[1, :3] = 0.5 * np.array([1.0, 1.0, -2.0])
 VON_MISES_ROOT[2:, 3:] = np.sqrt(3.0) * np.eye(3)
-
-
-def von_mises_parts(columns: Array) -> Array:
-    """Columns (S, 5, B) from components (S, 6, B): their Euclidean length is von Mises's stress."""
-    return np.asarray(VON_MISES_ROOT @ columns)
 
 
 class TensileStrength(NamedTuple):
@@ -245,9 +224,10 @@ def exposure(criterion: str, strengths: Strengths, s: Array) -> Array:
             raise InputError("delamination needs the interlaminar strength, in Pa.")
         return np.asarray(np.hypot(s[..., 4], s[..., 3]) / strengths.interlaminar)
     if criterion == "tsai_hill":
-        X = (strengths.X_t, strengths.X_c)
-        Y = (strengths.Y_t, strengths.Y_c)
-        return np.asarray(np.sqrt(np.maximum(hill_index(s, X, Y, strengths.S), 0.0)))
+        X = np.where(sigma1 < 0, strengths.X_c, strengths.X_t)
+        Y = np.where(sigma2 < 0, strengths.Y_c, strengths.Y_t)
+        index = (sigma1 / X) ** 2 - sigma1 * sigma2 / X**2 + (sigma2 / Y) ** 2
+        return np.asarray(np.sqrt(np.maximum(index + (shear / strengths.S) ** 2, 0.0)))
 
     a = sigma1 / np.sqrt(strengths.X_t * strengths.X_c)
     b = sigma2 / np.sqrt(strengths.Y_t * strengths.Y_c)

@@ -308,10 +308,7 @@ MIN_PERCENT_SHARE = 1e-5
 
 
 def percent(share: float) -> str:
-    """A ratio in per cent with two significant digits: "0.34 %".
-
-    "0 %" below `MIN_PERCENT_SHARE`.
-    """
+    """A ratio in per cent with two significant digits, "0 %" below `MIN_PERCENT_SHARE`."""
     if abs(share) < MIN_PERCENT_SHARE:
         return "0 %"
     return f"{plain_number(100 * share)} %" if isfinite(share) else "unknown"

@@ -19,13 +19,13 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
 from antiosc.base.process import one_thread
 from antiosc.base.stresses import (
+    VON_MISES_ROOT,
     Strengths,
     TensileStrength,
     exposure,
     extreme_principal,
     largest_tension,
     vector_length,
-    von_mises_parts,
 )
 from antiosc.base.texts import CompletedResult, ReprMixin, engineering, point_text as placed
 from antiosc.fem.platform import collective
@@ -429,7 +429,7 @@ def _add_maxima(
 
         scalar, own = _scalar_and_strength(quantity, strength)
         if scalar is vector_length:
-            columns = von_mises_parts(columns)
+            columns = VON_MISES_ROOT @ columns
         best.add(nodes, search(columns, scalar, counts[nodes]), own, ply)
 
 

@@ -167,15 +167,14 @@ def objects_by_name(items: Any, kind: str) -> Mapping[str, Any]:
         raise InputError(f"nothing to draw: give at least one {kind}.")
 
     for drawn in objects.values():
-        missing = {"type"} if isinstance(drawn, type) else set()
-        for name in CHART_ATTRIBUTES[kind]:
-            try:
-                getattr(drawn, name)
-            except AttributeError as error:
-                if isinstance(error, InputError):  # a history of several contacts says why
-                    raise
-                missing.add(name)
-        if missing:
+        is_known = not isinstance(drawn, type)
+        try:
+            [getattr(drawn, name) for name in CHART_ATTRIBUTES[kind]]
+        except AttributeError as error:
+            if isinstance(error, InputError):  # a history of several contacts says why
+                raise
+            is_known = False
+        if not is_known:
             raise InputError(f"what is drawn must be a {kind}; got {checks.shown(drawn)}.")
 
     return objects
@@ -303,17 +302,9 @@ def plot_motion(hits: HistoryLike, ax: Axes | None = None) -> Axes:
 
 
 def plot_history(hits: HistoryLike, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-    """The force during contact, and below it the motions over the whole run.
+    """The force during contact of a history (or several by name), and the motions of all the run.
 
-    Parameters
-    ----------
-    hits : History or mapping of name to History
-    path : str or Path, optional
-        Path of a picture (PNG, PDF, SVG, …) to write.
-
-    Returns
-    -------
-    matplotlib Figure, or `path` where it was given.
+    With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned; else the figure.
     """
     runs = objects_by_name(hits, "History")
     figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)

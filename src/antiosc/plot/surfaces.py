@@ -146,11 +146,6 @@ class DeformedSurface:
             points, points + factor * displacements, faces, micro * size, label, micro * largest
         )
 
-    def arrow(self, point: Array, direction: Array) -> Array:
-        """Tail and tip (2, 3) [m] of an arrow along `direction` that ends at `point`."""
-        length = 0.25 * np.ptp(self.points, axis=0).max()
-        return np.array([point - length * direction / np.linalg.norm(direction), point])
-
 
 def magnification(points: Array, largest: float) -> float:
     """Magnification of the displacements in a picture, for a largest one [m]."""
@@ -183,7 +178,9 @@ def deformed_figure(
     undeformed = scale * surface.points[np.unique(surface.faces)]
     framed = [undeformed if whole_scale else corners.reshape(-1, 3)]
     if arrow is not None:
-        tail, tip = scale * surface.arrow(*arrow)
+        tip, direction = (scale * np.asarray(end) for end in arrow)
+        length = 0.25 * scale * np.ptp(surface.points, axis=0).max()
+        tail = tip - length * direction / np.linalg.norm(direction)
         axes.quiver(*tail, *(tip - tail), color="C3", linewidth=2.5, zorder=9)
         framed.append(tail[None])
 

@@ -75,9 +75,7 @@ def free_sites(
 def _lowest_free_modes(
     structure: Structure, count: int | None, band: float | None, most: float
 ) -> Modes:
-    """The lowest elastic modes: `count`, or as many, from `DEFAULT_FREE_MODES` to `most`, as exceed
-    the band.
-    """
+    """The lowest `count` elastic modes, or as many up to `most` as exceed the band."""
     most = min(most, structure.dofs)
     mode_count = min(
         DEFAULT_FREE_MODES if count is None else whole("modes", count), structure.dofs - 1

@@ -291,12 +291,7 @@ def _frequency_text(omega: float) -> str:
 def _reduced_sites(
     sites: FreeSites, counts: Sequence[int], shift: float, band: float, accuracy: float
 ) -> tuple[SiteModels, Array]:
-    """Models of the sites with the fewest anti-oscillators that meet `accuracy`.
-
-    counts : numbers to try in order, of which the last is taken if none suffices; shift [rad²/s²],
-    band [rad/s] : as for `error_bound` of the free modes. Returns the models and their error
-    bounds (P,).
-    """
+    """(models of the first of `counts` that meets `accuracy`, their error bounds (P,))."""
     of_sites = sites.omega, sites.b, sites.compliance, sites.inertia
     for n in counts:
         models = free_modes.site_models(*of_sites, n, shift)
@@ -320,10 +315,9 @@ def _warn_of_sites(result: ImpactMap, accuracy: float) -> None:
     if poor:
         warn(
             f"Z may be off by more than {percent(accuracy)} at {poor} of {len(result)} sites up to "
-            f"{engineering(result.band, 'Hz')} (at worst {percent(result.error.max())}): a bound at"
-            " single frequencies, and no error bar of the force. An impact at one site alone has"
-            " that bar, and does without the free modes of the map"
-            "; of all sites more anti-oscillators reduce it (n or modes), or a lower band.",
+            f"{engineering(result.band, 'Hz')} (at worst {percent(result.error.max())}), a bound at"
+            " single frequencies and no bar of the force: take more anti-oscillators (n or modes),"
+            " a lower band, or an impact at one site alone, which has a bar.",
             AccuracyWarning,
         )
 

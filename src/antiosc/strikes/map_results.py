@@ -230,10 +230,6 @@ class ImpactMap(CompletedResult):
         return plot_map(self, path, quantity)
 
 
-#: Of a map whose sites are all doubtful.
-NO_RELIABLE_SITE = "No site is free of doubts"
-
-
 def with_doubts(impact_map: ImpactMap, mask: BoolArray, reason: str) -> ImpactMap:
     """The map with further doubtful sites, a mask (P,), and their reason if they have none yet."""
     reasons = np.where(mask & ~impact_map.doubtful, reason, impact_map.reasons)
@@ -256,7 +252,7 @@ def left_out_text(impact_map: ImpactMap) -> str:
 
     text = f"Left out of the ranges of {len(impact_map)} sites are {doubts_text(impact_map)}"
     if impact_map.doubtful.all():
-        text = f"{NO_RELIABLE_SITE}: the ranges are those of {doubts_text(impact_map)}"
+        text = f"No site is free of doubts: the ranges are those of {doubts_text(impact_map)}"
 
     reasons, counts = np.unique(impact_map.reasons[impact_map.doubtful], return_counts=True)
     reason = str(reasons[np.argmax(counts)])
@@ -275,10 +271,7 @@ def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:
 def hardest(
     impact_map: ImpactMap, sites: IntArray | None = None, values: Array | None = None
 ) -> int:
-    """Number of the reliable site with the largest of `values` (P,), by default the peak forces.
-
-    sites : numbers of the sites to choose from; None: all.
-    """
+    """The reliable site (of `sites`) with the largest of `values` (P,), or peak force."""
     values = impact_map.peak_force if values is None else values
     assert values is not None
     sites = trusted(impact_map, sites)

@@ -42,15 +42,11 @@ class MapStresses(NamedTuple):
 
 
 class _ShapeStresses(NamedTuple):
-    """Stresses of J shapes at S nodes.
+    """Stresses of J shapes at S nodes."""
 
-    modes : (S, 5, J) five components whose length is von Mises's stress [Pa]; points : (S, 3) [m];
-    strength : (S,) yield strengths [Pa], NaN where unknown.
-    """
-
-    components: Array
-    points: Array
-    strength: Array
+    components: Array  # (S, 5, J), of a length that is von Mises's stress [Pa]
+    points: Array  # (S, 3) [m]
+    strength: Array  # (S,) yield strengths [Pa], NaN where unknown
 
 
 def largest_stresses(
@@ -126,11 +122,7 @@ def _stresses_of_sites(
     duration: float,
     balls: Array,
 ) -> Iterator[tuple[float, Array, float]]:
-    """Yield (largest stress [Pa], worst point (3,), its exposure) for the impacts at S sites.
-
-    b : (S, J) modal values of the sites; residual_stresses : of their static deflections without
-    the modes; balls : (S, 4) what is left out.
-    """
+    """Yield (largest stress [Pa], worst point (3,), its exposure) for the impacts at S sites."""
     count = len(site_forces)
     steps = np.full(
         count, int(np.clip(np.ceil(duration * omega[-1] / SAMPLE_PHASE), *TIME_COUNT_LIMITS))
@@ -177,11 +169,7 @@ def _largest_stress(columns: Array, x: Array, weights: Array) -> tuple[float, in
 
 
 def _principal_rotation(columns: Array, x: Array) -> tuple[Array, Array, Array]:
-    """Rotate columns and factors of `_largest_stress` to principal factors.
-
-    A few of these make up most of a run, so that they bound it closely. Returns both, and bounds
-    (S,) on the stress at each node.
-    """
+    """(columns and factors turned to principal ones, which bound a run closely; bounds (S,))."""
     sizes = np.sqrt(np.einsum("spb,spb->b", columns, columns))
     sizes = np.where(sizes > 0, sizes, 1.0)
     weighted = x * sizes

@@ -69,10 +69,7 @@ def _run_with_warnings(run: RunOnModel[H], model: AntiOscillators) -> tuple[H, l
 def _run_of_either_order(
     structure: Structure, model: AntiOscillators, run: RunOnModel[H], linear: H, told: list[str]
 ) -> tuple[H, list[str]]:
-    """The linear run, or one with second-order forces if they matter, and its warnings.
-
-    told : warnings of the linear run.
-    """
+    """The linear run, or one with second-order forces if they matter, and its warnings."""
     solid = _is_solid(structure)
     is_far = any(
         largest_deflection(linear, name) > THIRD_ORDER_DEFLECTION_RATIO * h

@@ -64,10 +64,7 @@ class StressResult:
 
 
 def fields_by_strength(structure: Structure, hit: History, **options: Any) -> dict[str, PeakField]:
-    """Stress field for each strength of the materials, by name; "von_mises" if none is known.
-
-    options : as for `peak_field`.
-    """
+    """Stress field for each strength of the materials, or "von_mises", as by `peak_field`."""
     if "quantity" in options:
         return {options["quantity"]: peak_field(structure, hit, **options)}
     if hit.assembly.beyond_theory:

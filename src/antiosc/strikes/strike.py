@@ -53,8 +53,7 @@ from antiosc.reduce.site.site import Site
 from antiosc.strikes import second_order, stress
 from antiosc.strikes.advice import advise
 
-#: Goal of the whole budget over the tolerance; below 1, since estimates of the next mesh may be
-#: low.
+#: Goal of the whole budget over the tolerance, as estimates of the next mesh may be low.
 AIMED_TOL_SHARE = 0.8
 #: Least share of the tolerance that is left for the mesh.
 MIN_MESH_SHARE = 0.05
@@ -72,22 +71,15 @@ MAX_MESHES = 12
 MAX_CELL_GROWTH = 8.0
 #: Power of the number of dofs by which seconds grow, by dimension.
 SECONDS_DOF_POWER = {1: 1.0, 2: 1.2, 3: 1.5}
-#: Bytes of a factor over a power of the number of dofs, which includes a logarithm in the plane,
-#: and this power; by dimension.
+#: Bytes of a factor over a power of the number of dofs, and this power; by dimension.
 FACTOR_BYTES = {1: 200.0, 2: 400.0, 3: 240.0}
 FACTOR_BYTES_DOF_POWER = {1: 1.0, 2: 1.1, 3: 4 / 3}
-#: Share of the tolerance for the truncation, …
-TRUNCATION_SHARE = 0.2
-#: … and for the time steps, which cost least; the mesh gets the rest.
-TIME_SHARE = 0.05
-#: Least tolerance of the time integration.
-MIN_TIME_TOL = 1e-6
-#: Largest tolerance of the time integration.
-MAX_TIME_TOL = 1e-3
-#: First number of anti-oscillators.
-INITIAL_COUNT = 20
-#: Largest number of anti-oscillators.
-MAX_COUNT = 300
+#: Shares of the tolerance for the truncation and the time steps; the mesh gets the rest.
+TRUNCATION_SHARE, TIME_SHARE = 0.2, 0.05
+#: Least and largest tolerance of the time integration.
+MIN_TIME_TOL, MAX_TIME_TOL = 1e-6, 1e-3
+#: First and largest number of anti-oscillators.
+INITIAL_COUNT, MAX_COUNT = 20, 300
 #: Least part of |weights| that a direction of amplitudes adds to the errors of cells.
 NEGLIGIBLE_WEIGHT = 1e-8
 
@@ -167,19 +159,8 @@ def strike(
     def run(model: AntiOscillators, error: float) -> History:
         return simulate(model, impactor, contact, duration, tol=error, **blow)
 
-    return strike_to_tolerance(
-        source,
-        site,
-        impactor,
-        run,
-        tol,
-        material,
-        supports,
-        order,
-        limit,
-        prestress=prestress,
-        stress_tol=stress_tol,
-    )
+    given = source, site, impactor, run, tol, material, supports, order, limit
+    return strike_to_tolerance(*given, prestress=prestress, stress_tol=stress_tol)
 
 
 def strike_to_tolerance(
@@ -217,12 +198,11 @@ def strike_to_tolerance(
         result = answer_on_mesh(source, site, run, tol, INITIAL_COUNT)
         if report is not None:
             report(result, site)
-        reason = (
-            ""
-            if result.budget.numerical <= tol
-            else "The structure was used as it is: give its mesh, material and supports, and the "
-            "mesh is refined."
-        )
+        reason = ""
+        if result.budget.numerical > tol:
+            reason = (
+                "The structure was used as it is: give mesh, material and supports to refine it."
+            )
         hit = _finished_history(result, tol, asked, [mesh_record(result)], reason)
         if stress_tol is None:
             return hit
@@ -249,16 +229,15 @@ def strike_to_tolerance(
                 report(result, site)
             records.append(mesh_record(result))
             log.info("strike: %s", records[-1])
-            reason = ""
-            ratio = np.ones(0)
+            reason = place.fixed
+            if len(records) == MAX_MESHES:
+                reason = reason or f"{MAX_MESHES} meshes were made."
             meets_tol = result.budget.numerical <= tol and (mesh.tdim > 1 or len(records) > 1)
-            if not meets_tol:
-                reason = place.fixed or (
-                    f"{MAX_MESHES} meshes were made." if len(records) == MAX_MESHES else ""
-                )
-                if not reason:
-                    costs = limit, start_time, len(records)
-                    ratio, reason = _next_mesh(result, mesh, order, tol, *costs, asked)
+            if meets_tol:
+                reason = ""
+            elif not reason:
+                costs = limit, start_time, len(records)
+                ratio, reason = _next_mesh(result, mesh, order, tol, *costs, asked)
 
             if reason or meets_tol:
                 structure.drop_factor()
@@ -281,10 +260,7 @@ def strike_to_tolerance(
 def _with_stresses(
     hit: History, structure: Structure, tol: float, finer: stress.MakeFiner, site: Site, n: int
 ) -> History:
-    """The history with its stress fields, whose bars by the mesh are at most `tol`.
-
-    finer : makes the part with smaller cells; n : number of anti-oscillators.
-    """
+    """The history with its stress fields, whose bars by the mesh are at most `tol`."""
 
     def struck(part: Structure) -> History:
         return stress.struck_again(hit, part, extract(part, site, n=n))
@@ -389,10 +365,7 @@ def answer_on_mesh(
 def answer_with_n(
     structure: Structure, site: Site, run: RunFunction, accuracy: float, n: int
 ) -> MeshAnswer:
-    """The answer on one mesh with `n` anti-oscillators, whatever their truncation error.
-
-    accuracy : relative error in time of the runs.
-    """
+    """The answer with `n` anti-oscillators, whatever their error, of runs to `accuracy`."""
     structure.factorize()
     start_time = clock() - structure.seconds["factorization"]
     proof = not structure.matrices.dissipation()
@@ -463,11 +436,7 @@ def _next_mesh(
     meshes: int,
     requested: float,
 ) -> tuple[Array, str]:
-    """The next mesh: (ratio of new to old size of each cell, "" or why no mesh follows).
-
-    limit : largest time [s] since `start_time`; meshes : number so far; asked : the tolerance to
-    name in messages.
-    """
+    """The next mesh: (ratio of new to old size of each cell, "" or why no mesh follows)."""
     allowed = _room_for_mesh(answer.budget, tol)
     if min(allowed.values()) < MIN_MESH_SHARE * tol:
         return np.ones(0), _no_room_text(answer, requested)
@@ -506,15 +475,14 @@ def _next_mesh(
     expected = spent + answer.seconds * growth ** SECONDS_DOF_POWER[dim]
     required_bytes = FACTOR_BYTES[dim] * (structure.dofs * growth) ** FACTOR_BYTES_DOF_POWER[dim]
     free = free_memory()
-    message = ""
-    cost = (
-        f"a mesh of about {plain_number(dofs)} dofs would meet it, in some "
-        f"{plain_number(seconds)} s more"
-    )
+    stopped = ""
     if limit is not None and expected > limit:
-        message = f"Stopped before the limit of {limit:g} s: {cost}."
+        stopped = f"Stopped before the limit of {limit:g} s"
     elif required_bytes > MEMORY_SHARE * free:
-        message = f"Stopped for the next mesh takes more than the {free / 1e9:.2g} GB free: {cost}."
+        stopped = f"Stopped for the next mesh takes more than the {free / 1e9:.2g} GB free"
+
+    cost = f"about {plain_number(dofs)} dofs would meet it, in some {plain_number(seconds)} s more"
+    message = f"{stopped}: a mesh of {cost}." if stopped else ""
     return ratio, on_root(structure.comm, lambda: message)
 
 
@@ -554,16 +522,13 @@ def _no_room_text(answer: MeshAnswer, tol: float) -> str:
 def _finished_history(
     answer: MeshAnswer, aim: float, tol: float, records: list[dict[str, float]], reason: str
 ) -> History:
-    """The history with its budget and the records of its meshes; `reason`: why no mesh follows.
-
-    aim : tolerance of the numerical errors; tol : that of the user.
-    """
+    """The history with its budget; aim : numerical tolerance, reason : why no mesh follows."""
     hit = answer.hit
     budget = answer.budget
     model = replace(hit.model, info=hit.model.info.having(strike=records))
     dofs = ", ".join(str(record["dofs"]) for record in records)
     worst = budget.numerical
-    if aim < tol and budget.numerical <= tol:
+    if aim < tol and worst <= tol:
         reason = ""
     story = f"Meshes of {dofs} dofs; bar without law {100 * worst:.2g} % for tol = {100 * tol:g} %."
     reason = reason or budget.unknown.get("mesh", "") or _missed_by_law(budget, tol)

@@ -75,48 +75,28 @@ BYTES_PER_MATRIX_ENTRY = 24.0
 
 @dataclass(frozen=True)
 class TradeoffMember:
-    """One method to compute the impact, with its cost and accuracy.
+    """One method to compute the impact, with its cost and accuracy, and results [SI units]."""
 
-    Attributes
-    ----------
-    family, order, dofs, n : element family, degree of the elements, number of dofs, number of
-        anti-oscillators.
-    size : mean size of the cells [m], the root of their mean volume (area, length): they differ,
-        and `size` of `read_mesh` is the largest.
-    step : mean time step in contact [s].
-    seconds : measured time [s] of assembly, factorization, extraction with error estimates, and
-        runs, with this number of anti-oscillators from the start.
-    gigabytes : memory [GB] of K and M as stored, and of the solver as forecast.
-    peak_force : that of the corrected model [N].
-    bars : relative error bars of peak_force, impulse and contact_time in its error budget; the sum
-        of the difference and the bar of the finest member where the difference exceeds one.
-    bar : the largest of them, without the error of the contact law; whole : with it, None where
-        that is not known.
-    difference : largest relative difference of the three quantities from the finest member; NaN
-        before that is known.
-    impulse, contact_time : those of the corrected model [N s], [s].
-    proved : proved relative error of the peak force of this mesh by what the model leaves out; NaN
-        outside the assumptions of the proof.
-    method : "antiosc"; of `Tradeoff.others` "unreduced", which has no bar (inf), no
-        anti-oscillators (0) and no correction of the mesh's error.
-    """
-
-    family: str
-    size: float
-    order: int
+    family: str  # of the elements
+    size: float  # mean size of the cells, the root of their mean volume (area, length)
+    order: int  # degree of the elements
     dofs: int
-    n: int
-    step: float
-    seconds: float
-    gigabytes: float
-    peak_force: float
-    bar: float
+    n: int  # number of anti-oscillators
+    step: float  # mean time step in contact
+    seconds: float  # of assembly, factorization, extraction with error estimates, and runs
+    gigabytes: float  # K and M as stored, and the solver as forecast
+    peak_force: float  # this, impulse and contact_time are those of the corrected model
+    bar: float  # the largest of `bars`, without the error of the contact law
+    #: largest relative difference of results from the finest member; NaN before it is known
     difference: float = 0.0
     impulse: float = math.nan
     contact_time: float = math.nan
+    #: "antiosc", or of `Tradeoff.others` "unreduced", without bar (inf), n (0) and correction
     method: str = "antiosc"
+    #: relative error bars of results; difference plus the finest bar where they are less
     bars: dict[str, float] = field(default_factory=dict)
-    whole: float | None = None
+    whole: float | None = None  # `bar` with the error of the law; None where that is not known
+    #: proved relative error of the peak force by what the model leaves out; NaN if there is none
     proved: float = math.nan
 
     @property
@@ -134,14 +114,11 @@ class TradeoffMember:
                 plain_number(self.gigabytes),
                 plain_number(self.peak_force, 4),
             ),
-            *map(_percent_text, (self.force_bar, self.bar, self.difference)),
-            "–" if math.isnan(self.proved) else _percent_text(self.proved),
+            *(
+                plain_number(100 * share)
+                for share in (self.force_bar, self.bar, self.difference, self.proved)
+            ),
         )
-
-
-def _percent_text(share: float) -> str:
-    """A share in per cent for the table."""
-    return plain_number(100 * share)
 
 
 #: What errors are drawn over, and the labels of these axes.
@@ -192,7 +169,11 @@ class Tradeoff(Result):
             tol = checks.tolerance(tol)
             members = [member for member in self.table if member.bar <= tol]
             if not members:
-                raise InputError(self._unmet_text(tol))
+                least = min(member.bar for member in self.table)
+                raise InputError(
+                    f"no member has a bar of at most {100 * tol:.3g} %, the least is"
+                    f" {100 * least:.3g} %: give tradeoff a smaller tol, or see its message."
+                )
             return min(members, key=lambda one: one.seconds)
 
         limit = checks.positive("seconds", seconds, "s")
@@ -205,16 +186,6 @@ class Tradeoff(Result):
             )
 
         return min(members, key=lambda one: one.bar)
-
-    def _unmet_text(self, tol: float) -> str:
-        """Why no member is as accurate as tol."""
-        best = min(member.bar for member in self.table)
-        sentence = (
-            f"no member has a bar of at most {100 * tol:.3g} %, the least is {100 * best:.3g} %"
-        )
-        if tol < self.tol:
-            return f"{sentence}: give tradeoff a tol of {tol:g} or less."
-        return f"{sentence}. {self.hit.error_budget.notes[-1]}"
 
     @property
     def front(self) -> tuple[TradeoffMember, ...]:
@@ -455,10 +426,7 @@ class ComputedMember:
 
 
 def _one_mesh_text(source: object, finest: ComputedMember, goal: float) -> str:
-    """Sentence on why there is only one mesh; "" if the history says why.
-
-    goal : bar at which the meshes end.
-    """
+    """Sentence on why there is only one mesh; "" if the history says why."""
     if isinstance(source, Structure):
         return "Only one mesh was tried, that of the given structure."
     bar = finest.member.bar

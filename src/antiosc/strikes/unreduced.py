@@ -75,10 +75,7 @@ class MethodOutcome(NamedTuple):
 def unreduced_impact(
     structure: Structure, site: Site, hit: History, duration: float
 ) -> UnreducedImpact:
-    """The impact of `hit` on the unreduced structure.
-
-    `hit`: of the model without mesh correction; InputError if it is not linear.
-    """
+    """The impact of `hit` (of the raw model) on the unreduced structure, if it is linear."""
     assembly = hit.assembly
     system = assembly.system
     part, ball = assembly.spans["structure"], assembly.spans["impactor"]
@@ -117,10 +114,7 @@ def factor_entries(structure: Structure) -> float:
 def run_unreduced(
     make_blow: Callable[[], UnreducedImpact], seconds: float, report: Callable[[str], None]
 ) -> MethodOutcome | str:
-    """Run the unreduced model; or a sentence on why it was not run.
-
-    seconds : largest time that it may be expected to take; report : called with its progress.
-    """
+    """Run the unreduced model; or a sentence on why it was not run, as within `seconds`."""
     try:
         blow = make_blow()
         expected = blow.structure.seconds["assembly"]
