@@ -59,9 +59,8 @@ def read_arrays(path: Path, max_bytes: int, what: str, dtype_kinds: str = "fiuU"
         raise InputError(f"{path} is not {what}, or it is damaged.") from None
 
     raise InputError(
-        f"{path} holds {len(members)} arrays of {size} bytes; {what} has at most "
-        f"{_MAX_MEMBERS}, and"
-        f" {max_bytes} bytes."
+        f"{path} holds {len(members)} arrays of {size} bytes; {what} has at most {_MAX_MEMBERS},"
+        f" and {max_bytes} bytes."
     )
 
 

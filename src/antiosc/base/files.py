@@ -52,11 +52,6 @@ def atomic_file(path: str | os.PathLike[str], what: str = "the file") -> Iterato
         raise cannot_write(what, path, error) from error
 
 
-def temporary_name(target: Path, suffix: str = "") -> Path:
-    """A new name of a temporary file or folder beside `target`."""
-    return target.with_name(f"{TEMPORARY_PREFIX}{secrets.token_hex(10)}{suffix}")
-
-
 def check_readable(path: Path, what: str) -> None:
     """InputError unless `path` is a regular file of 1 to 100 MB; `what` names its content."""
     try:
@@ -68,9 +63,7 @@ def check_readable(path: Path, what: str) -> None:
 
     if not 0 < size <= MAX_READ_BYTES:
         raise InputError(
-            f"{path.name} has {size} bytes; {what} has 1 to {MAX_READ_BYTES:g} bytes: cut it "
-            "to what"
-            " is needed."
+            f"{path.name} has {size} bytes; {what} has 1 to {MAX_READ_BYTES:g}: cut it to these."
         )
 
 
@@ -114,7 +107,7 @@ def _regular_status(target: Path, path: str | os.PathLike[str], what: str) -> os
 def _temporary_file(target: Path, old_status: os.stat_result | None) -> Path:
     """An empty file in the folder of `target`, with the permissions of the file to be written."""
     suffix = target.suffix if len(target.suffix) <= _MAX_SUFFIX_LENGTH else ""
-    part = temporary_name(target, suffix)
+    part = target.with_name(f"{TEMPORARY_PREFIX}{secrets.token_hex(10)}{suffix}")
     flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_CLOEXEC", 0)
     handle = os.open(part, flags, 0o666 if old_status is None else 0o600)
 

@@ -106,7 +106,10 @@ def quiet(*names: str) -> Iterator[None]:
 @contextmanager
 def loading() -> Iterator[None]:
     """Context for imports of packages: in `/` and with a home folder, for the whole process."""
-    _give_home()
+    try:
+        Path.home()
+    except RuntimeError:  # packages need one to load
+        os.environ["HOME"] = _home()
 
     with _lock:
         try:
@@ -120,14 +123,6 @@ def loading() -> Iterator[None]:
         finally:
             os.fchdir(working_folder)
             os.close(working_folder)
-
-
-def _give_home() -> None:
-    """Set HOME to a folder of this process if the user has none: packages need one to load."""
-    try:
-        Path.home()
-    except RuntimeError:
-        os.environ["HOME"] = _home()
 
 
 @cache

@@ -97,24 +97,15 @@ def _write() -> None:
     if _work_texts.told is not None:
         _work_texts.told(_work_texts.innermost)
     stream = sys.stderr
-    if not (world_rank() or stream is None) and _is_terminal(stream):
-        _show(stream, _work_texts.innermost)
+    if world_rank() or stream is None or os.environ.get("TERM") == "dumb":
+        return
 
-
-def _is_terminal(stream: TextIO) -> bool:
-    """Whether a line of a stream can be replaced."""
+    text = _work_texts.innermost
     try:
-        return stream.isatty() and os.environ.get("TERM") != "dumb"
-    except ValueError:  # it was closed
-        return False
-
-
-def _show(stream: TextIO, text: str) -> None:
-    """Replace the line of a terminal; "" clears it."""
-    try:
-        width = shutil.get_terminal_size().columns - 1
-        stream.write(CLEAR_LINE + (f"antiosc: {text} …"[:width] if text else ""))
-        stream.flush()
+        if stream.isatty():
+            width = shutil.get_terminal_size().columns - 1
+            stream.write(CLEAR_LINE + (f"antiosc: {text} …"[:width] if text else ""))
+            stream.flush()
     except (OSError, ValueError):  # a terminal that was closed
         return
 

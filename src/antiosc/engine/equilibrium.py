@@ -117,7 +117,9 @@ def continue_contacts(
     p = len(laws)
     R = system.R[:p, :p]
     free = system.beta[:p] @ system.q - system.offsets[0, :p]
-    rates = _row_rates(system).tolist()
+    rates = system.beta @ system.v
+    if system.gamma is not None:
+        rates -= system.gamma @ (system.omega**2 * system.q + 2 * system.decay * system.v)
     new = np.zeros(p)
     if (free > 0).any():
         new = _closing_forces(laws, _states(laws, contacts), free, R, new)
@@ -136,7 +138,7 @@ def continue_contacts(
     for c, (law, contact, d) in enumerate(zip(laws, contacts, delta.tolist(), strict=True)):
         state = states[c]
         if contact is not None and contact.closed:
-            state = law.advance(d, rates[c], state)
+            state = law.advance(d, float(rates[c]), state)
             contacts[c] = contact._replace(state=state)
         energy += law.energy(d, state)
 
@@ -149,15 +151,6 @@ def _states(laws: Sequence[ContactLaw], contacts: Sequence[ContactState | None])
         law.touch(0.0) if contact is None else contact.state
         for law, contact in zip(laws, contacts, strict=True)
     ]
-
-
-def _row_rates(system: System) -> Array:
-    """Rates (m,) of the rows at the start, without what the forces contribute."""
-    rate = system.beta @ system.v
-    if system.gamma is None:
-        return rate
-    pull = system.omega**2 * system.q + 2 * system.decay * system.v
-    return rate - system.gamma @ pull
 
 
 def _closing_forces(

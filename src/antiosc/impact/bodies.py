@@ -607,11 +607,6 @@ class SceneBody:
         return self.modes.weight
 
     @property
-    def may_rotate(self) -> bool:
-        """Whether it can rotate, and its inertia in space is known."""
-        return self.inertia is not None and not self.omega.all()
-
-    @property
     def info(self) -> ModelInfo:
         """The record of the user's object; an empty one if it has none."""
         return info_of(self.body)

@@ -77,6 +77,11 @@ class Enclosure(FieldsRepr):
     horizon: float
     n: int
 
+    def error_of(self, quantity: str, value: float) -> float:
+        """Proved relative error of a value of "peak" or "impulse"."""
+        low, high = getattr(self, quantity)
+        return float(max(high - value, value - low) / value)
+
     @property
     def text(self) -> str:
         """The bounds in one sentence."""

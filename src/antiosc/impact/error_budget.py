@@ -164,12 +164,16 @@ def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
     finer = None if hit.assembly.stretch_forces else impact.raw_history  # that is linear
     shares = {
         "mesh": of_mesh.mesh,
-        "truncation": {**of_mesh.truncation, **_proved_errors(hit)},
+        "truncation": of_mesh.truncation,
         "time": _step_errors(hit, finer, tol),
         "patch": patch,
         "noise": measurement_errors(impact),
         "stretch": _stretch_errors(hit, stretching_model, impact),
     }
+    for proof in hit.enclosures[:1]:  # by what the model leaves out
+        for quantity, name in (("peak", "peak_force"), ("impulse", "impulse")):
+            error = proof.error_of(quantity, getattr(hit, name))
+            shares["truncation"] = {**shares["truncation"], name: error}
 
     unknown = _unknown_mesh(hit, model, stretches, of_mesh, CUT_PATCH_NOTE in patch_notes)
     without_mesh = "mesh" in unknown
@@ -204,17 +208,6 @@ def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
         unknown,
         restitution_of(hit),
     )
-
-
-def _proved_errors(hit: History) -> RelativeErrors:
-    """Proved relative errors of the peak force and the impulse by what the model leaves out."""
-    found = {}
-    for one in hit.enclosures[:1]:
-        for name in ("peak_force", "impulse"):
-            low, high = getattr(one, name.removesuffix("_force"))
-            value = getattr(hit, name)
-            found[name] = max(high - value, value - low) / value
-    return found
 
 
 def _unknown_mesh(

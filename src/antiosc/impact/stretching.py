@@ -156,7 +156,8 @@ def with_stretch(linear: H, integrate: IntegrateAssembly[H], tol: float) -> tupl
         if run.status != STOPPED:  # else these modes alone have no bounded energy; others may have
             changes += [relative_differences(before, run) for before in runs[-1:]]
             runs.append(run)
-        last = largest_changes(changes[-AGREEING_STEP_COUNT:])
+        recent = changes[-AGREEING_STEP_COUNT:]
+        last = {name: max(change[name] for change in recent) for name in (changes or [{}])[0]}
         unsettled = max(
             (last[name] / x for name, x in DECIDING_WEIGHTS.items() if last), default=np.inf
         )
@@ -198,12 +199,6 @@ def energy_ratio_before_peak(history: History) -> float:
 def largest_force(history: History) -> float:
     """The largest peak force [N] of the contacts."""
     return max((contact.peak_force for contact in history.contact_histories), default=0.0)
-
-
-def largest_changes(changes: list[dict[str, float]]) -> dict[str, float]:
-    """The largest change of each name; {} without changes."""
-    names = changes[0] if changes else {}
-    return {name: max(change[name] for change in changes) for name in names}
 
 
 def relative_differences(first: History, second: History) -> dict[str, float]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -458,15 +459,6 @@ def _matrix_bytes(structure: Structure) -> float:
     return 0.0 if uses_cells(structure.K) else BYTES_PER_MATRIX_ENTRY * stored_entries(structure.K)
 
 
-def _proved_error(hit: History) -> float:
-    """Proved relative error of the peak force of a run; NaN outside the assumptions."""
-    try:
-        (one,) = enclosures(hit.assembly, hit.run)
-    except InputError:
-        return math.nan
-    return max(one.peak[1] - hit.peak_force, hit.peak_force - one.peak[0]) / hit.peak_force
-
-
 def member_of(answer: MeshAnswer) -> TradeoffMember:
     """The member of the trade-off for a result on one mesh."""
     structure = answer.structure
@@ -477,6 +469,10 @@ def member_of(answer: MeshAnswer) -> TradeoffMember:
     integrand = compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 1)
     volume = compat.integrate(integrand, mesh.dolfinx)
     seconds = structure.seconds["assembly"] + answer.seconds
+    proved = math.nan
+    with suppress(InputError):  # outside the assumptions of the proof
+        (proof,) = enclosures(answer.raw.assembly, answer.raw.run)
+        proved = proof.error_of("peak", answer.raw.peak_force)
 
     return TradeoffMember(
         family=type(matrices.parts[0][0]).__name__,
@@ -484,7 +480,7 @@ def member_of(answer: MeshAnswer) -> TradeoffMember:
         order=matrices.form.degree,
         dofs=structure.dofs,
         n=answer.n,
-        proved=_proved_error(answer.raw),
+        proved=proved,
         step=answer.hit.step,
         seconds=max(structure.comm.allgather(seconds)),
         gigabytes=(_matrix_bytes(structure) + cost.bytes) / 1e9,

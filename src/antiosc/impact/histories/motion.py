@@ -212,15 +212,15 @@ class RunHistory(OneContact):
     def largest_rotation(self) -> tuple[str, float]:
         """(name of the free body that turned most, its angle [rad]); ("", 0.0) if unknown."""
         a = self.assembly
-        free = {name: body for name, body in a.bodies.items() if body.may_rotate}
+        free = [b for b in a.bodies.values() if b.inertia is not None and not b.omega.all()]
         if not free:
             return "", 0.0
 
         q = free_steps(self.run, a.system)
         angles = {}
-        for name, body in free.items():
-            rotation = body.rotation(q[:, a.spans[name]])
-            angles[name] = float(np.linalg.norm(rotation, axis=1).max())
+        for body in free:
+            rotation = body.rotation(q[:, a.spans[body.name]])
+            angles[body.name] = float(np.linalg.norm(rotation, axis=1).max())
 
         most = max(angles, key=angles.__getitem__)
         return most, angles[most]
