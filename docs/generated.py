@@ -122,15 +122,11 @@ def with_lists(text: str, elsewhere: list[str]) -> str:
 
 
 def extension_tables() -> str:
-    """Names of `antiosc.extension` by what they are for, and the modules that it says are open."""
+    """The names and modules that `antiosc.extension` says are open."""
     from antiosc import extension
 
-    stub = (ROOT / "src/antiosc/extension.pyi").read_text(encoding="utf-8")
-    groups = re.split(r"^# (.*)\.$", stub, flags=re.MULTILINE)[1:]  # its first line is of the file
-    rows = ["| names | |", "|---|---|"]
-    for purpose, text in zip(groups[2::2], groups[3::2], strict=True):
-        names = re.findall(r"(\w+) as", text)
-        rows.append(f"| {purpose} | {coded(names)} |")
+    rows = ["| of the module | names |", "|---|---|"]
+    rows += [f"| `{path}` | {coded(names.split())} |" for path, names in extension.NAMES.items()]
     rows += ["", "| modules | |", "|---|---|"]
     rows += [f"| `{module}` | {purpose} |" for module, purpose in extension.MODULES.items()]
     return "\n".join(rows)

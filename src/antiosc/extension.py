@@ -1,12 +1,9 @@
-"""Names that other packages use of antiosc besides its public names: readers, studies, reports.
+"""What other packages use of antiosc besides its public names: readers, studies, reports.
 
 `MODULES` are open as a whole, by their paths: the rooms that need NumPy and SciPy alone, below the
-impacts, and a few others, of the packages beside it too. The stub `extension.pyi` lists single
-names, which are imported from here. Both may change from version to version; the public names of
-`antiosc` stay.
+impacts, and a few others, of the packages beside it too. Of the modules in `NAMES` these names are.
+Both may change from version to version; the public names of `antiosc` stay.
 """
-
-from antiosc.base import lazily
 
 #: Path -> what it is for.
 MODULES = {
@@ -28,4 +25,46 @@ MODULES = {
     "antiosc_studies.drops": "falls: bodies, places at any time, pictures",
 }
 
-__all__, __getattr__, __dir__ = lazily.door(__file__)
+#: Path -> names of it, with a space between them.
+NAMES = {
+    "antiosc.fem": "missing",
+    "antiosc.fem.elements.shell": "GivenSheet",
+    "antiosc.fem.elements.weak_form": "Family measure",
+    "antiosc.fem.linalg": "cholmod",
+    "antiosc.fem.mesh": "distributed",
+    "antiosc.fem.mesh.finer": "longest_cell",
+    "antiosc.fem.mesh.reading": "default_size flattened sound usual_size",
+    "antiosc.fem.mesh.surface": "Faces projected",
+    "antiosc.fem.structure.attachments": "Attachment attachments_of",
+    "antiosc.fem.structure.structure": "on_mesh refuse_dampers refuse_prestress with_parts",
+    "antiosc.fields.fields": "checked_shapes outer_faces shapes_of tensors_at_nodes",
+    "antiosc.fields.margin": "ELASTIC criteria_of",
+    "antiosc.fields.pictures": "MAP_QUANTITIES",
+    "antiosc.fields.probe": "ProbeError probed_point",
+    "antiosc.impact.bodies": "SceneBody scene_body",
+    "antiosc.impact.error_budget": "SAFETY",
+    "antiosc.impact.histories": "budget_of error_scope",
+    "antiosc.impact.histories.bars": "DEFLECTION ErrorBudget OF_ALL_CONTACTS QUANTITIES",
+    "antiosc.impact.histories.energy": "impulses",
+    "antiosc.impact.histories.run_end": "inexact_message open_contacts",
+    "antiosc.impact.histories.site_motion": "LONGER parted",
+    "antiosc.impact.histories.verdict": "ContactZone unknown_dent yield_share",
+    "antiosc.impact.many": "QUANTILES checked_levels",
+    "antiosc.impact.scene": "check_range integrate integrate_exact simulate_impact",
+    "antiosc.impact.scene_parts": "SceneParts",
+    "antiosc.impact.settings": "Settings",
+    "antiosc.impact.truncation": "TRUNCATION_SAFETY softest_model",
+    "antiosc.impact.two_bodies": "Impact assemble_pair",
+    "antiosc.recovery": "source",
+    "antiosc.recovery.place": "NodeTensors Reach place",
+    "antiosc.reduce.error.model_errors": "ModelErrors",
+    "antiosc.reduce.extraction.eigenmodes": "ModeSolver",
+    "antiosc.reduce.site.surface": "curvature",
+    "antiosc.strikes.defaults": "expansion_of next_count patch_radius usual_ball usual_cell",
+    "antiosc.strikes.impact_map": "on_plane",
+    "antiosc.strikes.map_results": "doubts_text hardest left_out_text low_band trusted",
+    "antiosc.strikes.map_stresses": "sides",
+    "antiosc.strikes.second_order": "simulated stretching",
+    "antiosc.strikes.stress": "closed divided fields_by_strength struck_again",
+    "antiosc.strikes.tradeoff": "Tradeoff TradeoffMember line_of",
+}

@@ -18,14 +18,9 @@ from antiosc.base.texts import (
     point_text,
     restitution_text,
 )
-from antiosc.extension import (
-    DEFLECTION,
-    ELASTIC,
-    QUANTITIES,
-    ErrorBudget,
-    unknown_dent,
-    yield_share,
-)
+from antiosc.fields.margin import ELASTIC
+from antiosc.impact.histories.bars import DEFLECTION, QUANTITIES, ErrorBudget
+from antiosc.impact.histories.verdict import unknown_dent, yield_share
 from antiosc_app.headline import force_bar, with_force_error
 from antiosc_app.presentation import Card, Rows
 

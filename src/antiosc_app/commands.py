@@ -15,7 +15,7 @@ from antiosc.base import checks
 from antiosc.base.errors import AntioscError, InputError, labelled, message_weight
 from antiosc.base.progress import print_text
 from antiosc.base.texts import STOPPED, plain_number
-from antiosc.extension import probed_point
+from antiosc.fields.probe import probed_point
 from antiosc_app import new, report, results
 from antiosc_app.kept import PartCache
 from antiosc_app.scene_file import run
@@ -26,7 +26,7 @@ from antiosc_app.scene_file.scene import COMMAND_STUDIES, CompiledScene, place_a
 from antiosc_app.scene_file.settled import SettledScene, settle
 
 if TYPE_CHECKING:
-    from antiosc.extension import Tradeoff, TradeoffMember
+    from antiosc.strikes.tradeoff import Tradeoff, TradeoffMember
 
 
 def run_guarded(options: Namespace) -> int:
@@ -158,7 +158,7 @@ def compare_methods(
     """
     scene = compile_document(with_strike(settle(document).scene.document))
     arguments = {**tradeoff_arguments(scene, str(document.path)), **tradeoff_options}
-    from antiosc.extension import line_of  # needs dolfinx
+    from antiosc.strikes.tradeoff import line_of
 
     def print_member(member: TradeoffMember) -> None:
         print_text(line_of(member.cells()))

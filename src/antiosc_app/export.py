@@ -9,7 +9,7 @@ from pathlib import Path
 from antiosc import Contact, LinearBody, Motion, Scene
 from antiosc.base import checks
 from antiosc.base.errors import InputError
-from antiosc.extension import SceneParts
+from antiosc.impact.scene_parts import SceneParts
 from antiosc.models.body import AUTO, AnyLaw, checked_body, is_auto, law_of
 from antiosc_app.fmu import write_c, write_fmu
 from antiosc_app.run_data import run_of_model, run_of_scene

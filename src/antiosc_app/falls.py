@@ -66,7 +66,7 @@ def _fall_surface(fall: Fall) -> tuple[Array, IntArray]:
     structure = fall.body.structure
     if structure is None:
         return surface_of(fall.body)
-    from antiosc.extension import source  # a rigid body does without meshes
+    from antiosc.recovery import source
 
     try:
         nodes, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))

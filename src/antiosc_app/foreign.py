@@ -139,7 +139,7 @@ def _part_of_mesh(
     path: Path, unit: str | None, size: float | None, piece_options: ReadOptions | None
 ) -> ForeignPart:
     """Read a mesh, or mesh a geometry; the arguments are those of `foreign_part`."""
-    from antiosc.extension import default_size, usual_size
+    from antiosc.fem.mesh.reading import default_size, usual_size
     from antiosc.io.by_gmsh import ENDINGS_WITH_UNIT
     from antiosc.io.facets import SURFACE_ENDINGS
 
@@ -266,7 +266,7 @@ def _piece_sentence(read: ReadOptions, pieces: Sequence[Piece]) -> list[str]:
 
 def _part_of_deck(path: Path, options: ReadOptions, unit: str | None) -> ForeignPart:
     """Read the model of a deck; `unit`: None for the first in which its materials are real."""
-    from antiosc.extension import with_parts
+    from antiosc.fem.structure.structure import with_parts
     from antiosc_decks.from_deck import facts_of_deck
 
     read = dict(options)

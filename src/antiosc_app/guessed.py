@@ -20,7 +20,7 @@ from antiosc.base.errors import AntioscError
 
 if TYPE_CHECKING:
     from antiosc import Mesh, Structure
-    from antiosc.extension import Faces
+    from antiosc.fem.mesh.surface import Faces
 
 #: Words in the names of groups that are struck.
 SITE_WORDS = ("impact", "struck", "strike", "hit", "eye", "tip", "nose", "top", "front", "middle")
@@ -263,7 +263,7 @@ def supporting_side(
 
 def held_nodes(structure: Structure, x: Array, size: float) -> BoolArray:
     """Mask (N,) of the nodes `x` (N, 3) whose dofs are all fixed; `size` [m] of the part."""
-    from antiosc.extension import source
+    from antiosc.recovery import source
 
     motion = 1.0 + (np.arange(structure.rows)[:, None] * GOLDEN_RATIO) % 1.0  # none cancels another
     motion[structure.fixed[structure.fixed < structure.rows]] = 0.0

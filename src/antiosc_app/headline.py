@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from antiosc import History, ImpactMap, LinearBody, SceneHistory
 from antiosc.base.texts import capitalised, engineering, percent, plus_minus, point_text
-from antiosc.extension import ErrorBudget, hardest, left_out_text, low_band, trusted
+from antiosc.impact.histories.bars import ErrorBudget
 from antiosc.models.body import piercing_warning
+from antiosc.strikes.map_results import hardest, left_out_text, low_band, trusted
 from antiosc_app.scene_file.run import coarse_cell_sentence
 
 if TYPE_CHECKING:

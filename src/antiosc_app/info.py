@@ -193,7 +193,7 @@ def petsc_solvers() -> list[str]:
 def _cholmod_text() -> str:
     """Text: CHOLMOD's version if antiosc calls it directly, else why it does not."""
     try:
-        from antiosc.extension import cholmod
+        from antiosc.fem.linalg import cholmod
     except Exception as error:  # whatever an installed package may raise
         return f"not called directly, as its binding cannot be loaded ({error})"
     if refusal := cholmod.refusal():

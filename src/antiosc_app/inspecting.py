@@ -28,7 +28,7 @@ from antiosc_app.scene_file.compiled import INITIAL_COUNT
 
 if TYPE_CHECKING:
     from antiosc import Mesh, Structure
-    from antiosc.extension import Faces
+    from antiosc.fem.mesh.surface import Faces
     from antiosc.io.neutral import Piece
 
 #: Largest file that is looked at, bytes.
@@ -90,7 +90,7 @@ def _require_piece(path: Path, piece: int, pieces: Sequence[Piece]) -> None:
 
 def inspect_structure(part: Structure) -> Inspection:
     """Inspect the largest mesh of a structure."""
-    from antiosc.extension import with_parts
+    from antiosc.fem.structure.structure import with_parts
 
     meshes = [member.part.mesh for member in with_parts(part).members()]
     return _inspection_of(max(meshes, key=lambda mesh: (mesh.tdim, mesh.n_cells)), {}, part)
@@ -103,8 +103,11 @@ def _inspection_of(
 
     `structure`: that of a deck; `is_meshed`: whether the mesh was made here from a geometry.
     """
-    from antiosc.extension import Faces, longest_cell, measure, usual_cell
+    from antiosc.fem.elements.weak_form import measure
+    from antiosc.fem.mesh.finer import longest_cell
+    from antiosc.fem.mesh.surface import Faces
     from antiosc.fem.platform import compat
+    from antiosc.strikes.defaults import usual_cell
 
     x = np.array(mesh.dolfinx.geometry.x)
     nodes = compat.geometry_nodes(mesh.dolfinx)
@@ -174,7 +177,8 @@ def _guessed_site(mesh: Mesh, outer: Faces, supported: BoolArray) -> SitePlace:
 
 def _has_error_bars(structure: Structure) -> bool:
     """Whether `extract(…, error="estimate")` accepts the structure."""
-    from antiosc.extension import ModelErrors, refuse_dampers
+    from antiosc.fem.structure.structure import refuse_dampers
+    from antiosc.reduce.error.model_errors import ModelErrors
 
     try:
         refuse_dampers(structure, "an error bar")
@@ -189,8 +193,7 @@ def _flat_face_material(
     mesh: Mesh, outer: Faces, structure: Structure | None, place: SitePlace
 ) -> tuple[float, float] | None:
     """(E [Pa], nu) for contact with a flat face; None if the surface at the site is known."""
-    from antiosc.extension import curvature
-    from antiosc.reduce.site.surface import material_at, surface_at
+    from antiosc.reduce.site.surface import curvature, material_at, surface_at
 
     try:
         if structure is not None:

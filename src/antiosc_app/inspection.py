@@ -121,7 +121,7 @@ class Inspection:
     @property
     def ball_radius(self) -> float:
         """Guessed radius [m] of the striking ball."""
-        from antiosc.extension import usual_ball
+        from antiosc.strikes.defaults import usual_ball
 
         return usual_ball(self.length)
 

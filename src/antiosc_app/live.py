@@ -27,7 +27,7 @@ from antiosc import (
 from antiosc.base._types import Array
 from antiosc.engine import library
 from antiosc.engine.contact.base import Compiled, is_compiled
-from antiosc.extension import DEFLECTION, QUANTITIES, ErrorBudget
+from antiosc.impact.histories.bars import DEFLECTION, QUANTITIES, ErrorBudget
 from antiosc.models.body import info_of, site_points
 
 #: Data of the page: numbers, texts, arrays, and lists and tables of these.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from antiosc import History, ImpactMap, Structure
-from antiosc.extension import ErrorBudget, missing
+from antiosc.fem import missing
+from antiosc.impact.histories.bars import ErrorBudget
 from antiosc_app.live import Data, engine_wasm, impact_of_history, striker_place
 
 

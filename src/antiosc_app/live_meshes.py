@@ -18,18 +18,14 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.stresses import von_mises_of_components
 from antiosc.engine.contact.base import is_compiled
-from antiosc.extension import (
-    MAP_QUANTITIES,
-    NodeTensors,
-    hardest,
-    outer_faces,
-    shapes_of,
-    sides,
-    source,
-    tensors_at_nodes,
-)
+from antiosc.fields.fields import outer_faces, shapes_of, tensors_at_nodes
+from antiosc.fields.pictures import MAP_QUANTITIES
 from antiosc.io.facets import oriented
 from antiosc.models.body import checked_body
+from antiosc.recovery import source
+from antiosc.recovery.place import NodeTensors
+from antiosc.strikes.map_results import hardest
+from antiosc.strikes.map_stresses import sides
 from antiosc_app.live import Data, finite_parameters, impact_data, modal_data
 
 #: Largest number of fields of the motion and of the stress.

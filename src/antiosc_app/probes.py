@@ -14,7 +14,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, without_warnings
 from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import engineering, plain_number, point_text, unit_prefix
-from antiosc.extension import ProbeError
+from antiosc.fields.probe import ProbeError
 from antiosc_app.presentation import MAX_CURVES, Columns, Rows, draw_curves, spaced_name
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.run import SceneResults
@@ -255,7 +255,7 @@ def _probe_point(results: SceneResults, call: Call) -> tuple[float, ...] | None:
     """The point [m] of the part at which a probe lies; None if it is not known."""
     if results.structure is None:
         return None
-    from antiosc.extension import probed_point
+    from antiosc.fields.probe import probed_point
 
     with suppress(AntioscError):
         x: Any = probed_point(results.structure, **place_arguments(call))

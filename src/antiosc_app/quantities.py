@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from antiosc import SceneHistory
-from antiosc.extension import DEFLECTION, MAP_QUANTITIES, QUANTITIES, ErrorBudget, hardest
+from antiosc.fields.pictures import MAP_QUANTITIES
+from antiosc.impact.histories.bars import DEFLECTION, QUANTITIES, ErrorBudget
+from antiosc.strikes.map_results import hardest
 from antiosc_app.cards import bar_of_fall, dent_depth
 from antiosc_app.headline import CAUSE_REMEDIES, force_bar, with_force_error
 from antiosc_app.probes import probes_of

@@ -60,7 +60,7 @@ from antiosc_app.scene_file.schema import Output
 
 if TYPE_CHECKING:
     from antiosc import Structure
-    from antiosc.extension import Tradeoff
+    from antiosc.strikes.tradeoff import Tradeoff
     from antiosc_app.scene_file.scene import CompiledScene
 
 

@@ -14,18 +14,13 @@ from antiosc.base._types import Array
 from antiosc.base.cfc import SHOCK_FILTER
 from antiosc.base.errors import InputError, message_weight, sorted_by_weight
 from antiosc.base.texts import engineering, percent, plain_number, point_text, range_text
-from antiosc.extension import (
-    MAP_QUANTITIES,
-    QUANTITIES,
-    ErrorBudget,
-    doubts_text,
-    error_scope,
-    hardest,
-    trusted,
-)
+from antiosc.fields.pictures import MAP_QUANTITIES
+from antiosc.impact.histories import error_scope
+from antiosc.impact.histories.bars import QUANTITIES, ErrorBudget
 from antiosc.models.body import info_of, site_points
 from antiosc.plot.charts import plot_force, plot_model, plot_motion
 from antiosc.plotting import plot_deformed, plot_map
+from antiosc.strikes.map_results import doubts_text, hardest, trusted
 from antiosc_app import cards, falls, headline
 from antiosc_app.presentation import (
     Block,

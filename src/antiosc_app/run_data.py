@@ -19,17 +19,12 @@ from antiosc.engine.contact.base import is_compiled
 from antiosc.engine.equilibrium import set_initial_forces
 from antiosc.engine.march import TOUCH_RESOLUTION
 from antiosc.engine.system import BodyModes, PackedSystem, System, system_of_bodies
-from antiosc.extension import (
-    SceneBody,
-    SceneParts,
-    Settings,
-    inexact_message,
-    integrate,
-    integrate_exact,
-    open_contacts,
-    scene_body,
-)
 from antiosc.impact.assembly import Assembly, assemble_scene
+from antiosc.impact.bodies import SceneBody, scene_body
+from antiosc.impact.histories.run_end import inexact_message, open_contacts
+from antiosc.impact.scene import integrate, integrate_exact
+from antiosc.impact.scene_parts import SceneParts
+from antiosc.impact.settings import Settings
 
 #: Outputs of a contact and of a site: `axm_kind` -> name, unit.
 CONTACT_OUTPUTS = {

@@ -10,8 +10,10 @@ import numpy as np
 from antiosc import Mesh, Structure
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
-from antiosc.extension import Faces, source, with_parts
+from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.structure.structure import with_parts
 from antiosc.io.neutral import BOX_SIDES
+from antiosc.recovery import source
 from antiosc_app.guessed import PLANE_TOLERANCE, sides_of
 from antiosc_app.inspection import Inspection
 from antiosc_app.live import Data

@@ -101,7 +101,7 @@ def view(part: Structure | str | os.PathLike[str]) -> View:
     """
     if not isinstance(part, str | os.PathLike):
         from antiosc import Structure
-        from antiosc.extension import with_parts
+        from antiosc.fem.structure.structure import with_parts
 
         checks.instance("part", part, Structure, "a Structure or the path of a file")
         with_parts(part)

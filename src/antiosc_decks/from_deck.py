@@ -27,24 +27,20 @@ from antiosc import (
     Structure,
     Support,
     Truss,
+    assemble,
 )
 from antiosc.base import checks
 from antiosc.base._types import IntArray, SolverChoice
 from antiosc.base.errors import InputError, NotTakenWarning
 from antiosc.base.materials import yielding_record
 from antiosc.base.texts import engineering
-from antiosc.extension import (
-    Attachment,
-    Family,
-    GivenSheet,
-    assemble,
-    attachments_of,
-    distributed,
-    flattened,
-    sound,
-)
 from antiosc.fem.assembly.joint import Joint
+from antiosc.fem.elements.shell import GivenSheet
+from antiosc.fem.elements.weak_form import Family
+from antiosc.fem.mesh import distributed
+from antiosc.fem.mesh.reading import flattened, sound
 from antiosc.fem.platform import collective, on_root, warn
+from antiosc.fem.structure.attachments import Attachment, attachments_of
 from antiosc.io.neutral import (
     CELL_TYPES,
     DIMENSION,

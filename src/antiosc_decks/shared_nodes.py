@@ -20,9 +20,9 @@ import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.extension import projected
 from antiosc.fem.assembly.joint import Constraints, ElasticTerm, Joint, Rows, following_rows
 from antiosc.fem.assembly.layout import Layout, Sparse
+from antiosc.fem.mesh.surface import projected
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS

@@ -22,7 +22,8 @@ from antiosc.base.errors import (
     without_warnings,
 )
 from antiosc.base.texts import STOPPED
-from antiosc.extension import ErrorBudget, budget_of
+from antiosc.impact.histories import budget_of
+from antiosc.impact.histories.bars import ErrorBudget
 from antiosc.models.body import coarse_cell_warning, info_of
 from antiosc_app.scene_file import schema
 from antiosc_app.scene_file.build import Builder, Call, Evaluation
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from antiosc import History, Many, PeakField, Structure
-    from antiosc.extension import Tradeoff
+    from antiosc.strikes.tradeoff import Tradeoff
 
 
 T = TypeVar("T")
@@ -332,7 +333,7 @@ def _with_second_order_forces(
 
     def stretching(structure: Any, model: Any) -> object:
         with finite_element_packages():
-            from antiosc.extension import stretching as with_forces
+            from antiosc.strikes.second_order import stretching as with_forces
         return with_forces(structure, model)
 
     return Call(stretching, {"structure": part, "model": model_call})

@@ -344,7 +344,7 @@ def _with_second_order_forces(
 
     def run(structure: Structure, model: AntiOscillators, **given: Any) -> History:
         with finite_element_packages():
-            from antiosc.extension import simulated
+            from antiosc.strikes.second_order import simulated
         return simulated(structure, model, functools.partial(_history_with_model, make, given))
 
     arguments = {"structure": compiled.structure, "model": compiled.model, **impact.arguments}
@@ -528,7 +528,7 @@ def _fields_to_tolerance(
     `options`: further arguments of `peak_field`.
     """
     with finite_element_packages():
-        from antiosc.extension import closed, fields_by_strength, struck_again
+        from antiosc.strikes.stress import closed, fields_by_strength, struck_again
     call: Any = compiled.structure
     of_site: Any = compiled.model
 
@@ -551,7 +551,7 @@ def with_smaller_cells(
     geometry = next((one for one in calls_in(call) if one.place == ("geometry",)), None)
     if geometry is None:
         with finite_element_packages():
-            from antiosc.extension import divided
+            from antiosc.strikes.stress import divided
         return divided(structure, places)
 
     refine = (*geometry.arguments.get("refine", ()), *places)
@@ -595,7 +595,7 @@ def _check_srs(build: Builder, name: str, quantity: object, srs_key: SpectrumKey
 def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:
     """Quantity -> stress field: of each criterion with a strength, else of von Mises stress."""
     with finite_element_packages():
-        from antiosc.extension import fields_by_strength
+        from antiosc.strikes.stress import fields_by_strength
     return fields_by_strength(structure, history)
 
 
@@ -607,7 +607,7 @@ def worst_by_strengths(
     `finer`: makes a structure with smaller cells; `options`: arguments of `Fall.worst`.
     """
     with finite_element_packages():
-        from antiosc.extension import criteria_of
+        from antiosc.fields.margin import criteria_of
     structure: Any = self.body.structure
     if finer is not None:
         options["finer"] = functools.partial(finer, structure)

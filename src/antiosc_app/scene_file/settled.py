@@ -87,7 +87,8 @@ def repeat_until_enough(
     `add_oscillators`: until there are enough oscillators; `extend_duration`: until the bodies have
     parted.
     """
-    from antiosc.extension import LONGER, expansion_of, next_count, parted
+    from antiosc.impact.histories.site_motion import LONGER, parted
+    from antiosc.strikes.defaults import expansion_of, next_count
 
     longest = LONGER * choice.duration
     while True:
@@ -111,7 +112,7 @@ def _patch_radius(
     call = scene.model or scene.history
     if structure is None or call is None or only_site_table(document).get("radius") != AUTO:
         return None
-    from antiosc.extension import patch_radius
+    from antiosc.strikes.defaults import patch_radius
 
     bodies = (scene.impactor, scene.contact)
     striker, law = (None if one is None else one.result for one in bodies)

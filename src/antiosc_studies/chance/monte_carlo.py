@@ -13,7 +13,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, without_warnings
 from antiosc.base.progress import counting
-from antiosc.extension import QUANTILES, checked_levels
+from antiosc.impact.many import QUANTILES, checked_levels
 
 #: Runs that are simulated together as one batch.
 BATCH_SIZE = 100

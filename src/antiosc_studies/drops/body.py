@@ -99,7 +99,9 @@ def _elastic_body(
     """
     from scipy.spatial import cKDTree
 
-    from antiosc.extension import ModeSolver, refuse_dampers, source
+    from antiosc.fem.structure.structure import refuse_dampers
+    from antiosc.recovery import source
+    from antiosc.reduce.extraction.eigenmodes import ModeSolver
 
     if structure.comm.size > 1:
         raise InputError("a drop runs on one rank; start it without mpirun.")

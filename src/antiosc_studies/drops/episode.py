@@ -12,7 +12,7 @@ import numpy as np
 
 from antiosc import SceneHistory
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.extension import impulses
+from antiosc.impact.histories.energy import impulses
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.path import (

@@ -251,7 +251,8 @@ class Fall(Result):
             return np.zeros(3), rigid
         if body.structure is None or body.basis is None:
             return checks.floats("at", at, (3,)) - body.centre, rigid
-        from antiosc.extension import Reach, source
+        from antiosc.recovery import source
+        from antiosc.recovery.place import Reach
         from antiosc.reduce.site.site import located_point
 
         x, part, _ = located_point(body.structure, at, None)
@@ -438,7 +439,7 @@ class Fall(Result):
         options: dict[str, Any],
     ) -> WorstField:
         """`worst` of these impacts, by default the hardest, with an error bar of at most `tol`."""
-        from antiosc.extension import closed, divided
+        from antiosc.strikes.stress import closed, divided
 
         structure: Any = self.body.structure
         if self.hardest is None:

@@ -10,7 +10,7 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import FieldsRepr, percent
-from antiosc.extension import OF_ALL_CONTACTS
+from antiosc.impact.histories.bars import OF_ALL_CONTACTS
 from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.yielding import PointContacts

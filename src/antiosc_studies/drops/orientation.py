@@ -89,7 +89,7 @@ def _downward(body: FreeBody, kind: str, value: object) -> Array:
 
 def _group_normal(body: FreeBody, name: str) -> Array:
     """Mean outward unit normal (3,) of a group of faces."""
-    from antiosc.extension import on_mesh
+    from antiosc.fem.structure.structure import on_mesh
     from antiosc.reduce.site.map_sites import surface_sample
 
     assert body.structure is not None

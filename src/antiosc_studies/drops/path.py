@@ -19,8 +19,8 @@ from antiosc.base.errors import AccuracyError, without_warnings
 from antiosc.base.texts import COMPLETED, STOPPED
 from antiosc.engine.march import TOUCH_RESOLUTION, Run, run as march_once
 from antiosc.engine.system import System
-from antiosc.extension import check_range, integrate_exact
 from antiosc.impact.assembly import Assembly
+from antiosc.impact.scene import check_range, integrate_exact
 from antiosc.impact.states import contact_forces, linear_interpolation, steps_at
 from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.touching import BODY, SITE_AXES, TINY, Touch

@@ -99,7 +99,7 @@ def _sphere_directions() -> Array:
 
 def skin_of(structure: Structure) -> Skin:
     """The surface of a structure of meshes, or the nodes of given matrices with coordinates."""
-    from antiosc.extension import on_mesh  # needs the finite-element packages
+    from antiosc.fem.structure.structure import on_mesh
 
     matrices: Any = structure.matrices
     if matrices.located:

@@ -22,7 +22,7 @@ from antiosc.engine.contact.choice import Choice
 from antiosc.engine.contact.dent import rim_radius
 from antiosc.engine.contact.peak_error import error_of_peak, largest_strain
 from antiosc.engine.contact.surfaces import Matter, crack_note
-from antiosc.extension import ContactZone
+from antiosc.impact.histories.verdict import ContactZone
 from antiosc_studies.drops.crushed import FORCE_ERROR, PRESSURE_RATIO
 from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.floor import Floor, law_at, law_choice, surface_at

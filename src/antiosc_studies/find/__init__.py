@@ -24,13 +24,14 @@ from antiosc.base._types import Array, Figure
 from antiosc.base.errors import AccuracyWarning, InputError, without_warnings
 from antiosc.base.process import one_thread
 from antiosc.base.texts import Result
-from antiosc.extension import on_plane, refuse_dampers, with_parts
 from antiosc.fem.platform import collective, warn
+from antiosc.fem.structure.structure import refuse_dampers, with_parts
 from antiosc.models.body import AUTO, AnyLaw
 from antiosc.models.free_modes import residual_parameters
 from antiosc.models.modal import as_damping
 from antiosc.plot.charts import figure_or_path, panels
 from antiosc.strikes.free_sites import BAND_FACTOR, FreeSites, SiteSelection, free_sites
+from antiosc.strikes.impact_map import on_plane
 from antiosc_studies.find.forward import MapSurface, SearchModel, has_stiffness
 from antiosc_studies.find.recording import Recording, Sensor, recording_of, sensor_shapes
 from antiosc_studies.find.search import (

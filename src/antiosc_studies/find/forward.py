@@ -11,7 +11,9 @@ from scipy.spatial import cKDTree
 
 from antiosc import ContactLaw, ElasticPlastic, History, Linear, ModalBody, RigidMass
 from antiosc.base._types import Array, IntArray
-from antiosc.extension import Impact, Settings, simulate_impact
+from antiosc.impact.scene import simulate_impact
+from antiosc.impact.settings import Settings
+from antiosc.impact.two_bodies import Impact
 from antiosc.models.body import ModalModel
 from antiosc_studies.find.recording import Recording
 

@@ -19,7 +19,8 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
 from antiosc.base.texts import FieldsRepr
-from antiosc.extension import Reach, place, source
+from antiosc.recovery import source
+from antiosc.recovery.place import Reach, place
 from antiosc.reduce.site.site import located_point
 from antiosc_studies.measured.tables import MOTION_UNITS, STRAIN_UNITS, TIME_UNITS, columns_of_table
 

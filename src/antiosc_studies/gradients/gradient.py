@@ -21,8 +21,9 @@ from antiosc.base import checks
 from antiosc.base._types import Figure
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.base.texts import CompletedResult, value_text
-from antiosc.extension import SAFETY, TRUNCATION_SAFETY, softest_model
 from antiosc.impact.assembly import Assembly
+from antiosc.impact.error_budget import SAFETY
+from antiosc.impact.truncation import TRUNCATION_SAFETY, softest_model
 from antiosc.plot.charts import figure_or_path, panels
 from antiosc_studies.gradients.goals import DIFFERENCE_TOL, Goal, GoalValues, goal_of, run_for_goal
 from antiosc_studies.gradients.numbers import (

@@ -23,8 +23,8 @@ from antiosc.base import checks
 from antiosc.base.errors import InputError
 from antiosc.engine.damping import from_factors
 from antiosc.engine.equilibrium import set_initial_forces
-from antiosc.extension import Impact, assemble_pair
 from antiosc.impact.assembly import Assembly, assemble_scene
+from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.stretch import refuse_stretch
 
 ModelChange = Callable[[AntiOscillators], AntiOscillators]

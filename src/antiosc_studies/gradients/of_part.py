@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from antiosc import AntiOscillators, DampingMatrix, History, Site, Structure, extract
 from antiosc.base import checks
 from antiosc.base.errors import InputError, without_warnings
-from antiosc.extension import refuse_prestress
+from antiosc.fem.structure.structure import refuse_prestress
 from antiosc.impact.assembly import Assembly
 from antiosc_studies.gradients.numbers import (
     NumberTree,

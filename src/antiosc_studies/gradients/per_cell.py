@@ -22,9 +22,11 @@ from antiosc.base._types import Array, Figure
 from antiosc.base.errors import InputError
 from antiosc.base.process import one_thread
 from antiosc.base.texts import CompletedResult, percent
-from antiosc.extension import checked_shapes, measure, on_mesh
+from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.structure import on_mesh
+from antiosc.fields.fields import checked_shapes
 from antiosc_studies.gradients.gradient import gradient
 from antiosc_studies.gradients.of_part import material_numbers, model_name
 

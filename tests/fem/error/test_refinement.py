@@ -9,7 +9,7 @@ import pytest
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.extension import measure
+from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.mesh.finer import (
     DIVIDED_RATIO,
     edge_lengths,

@@ -51,7 +51,7 @@ def test_the_bending_tension_of_a_strip_is_judged_by_its_strength_in_bending(sha
 
 
 def test_a_brittle_part_is_judged_by_itself():
-    from antiosc.extension import criteria_of
+    from antiosc.fields.margin import criteria_of
 
     glass = ao.material("glass, soda-lime")
     assert criteria_of(block(glass)) == ["tension"]

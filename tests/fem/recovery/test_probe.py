@@ -12,8 +12,8 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.base.texts import percent
-from antiosc.extension import ProbeError
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fields.probe import ProbeError
 from antiosc.recovery import mesh_fields
 from antiosc.recovery.place import Place, Reach
 from antiosc.reduce.site import functional

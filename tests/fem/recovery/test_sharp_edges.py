@@ -7,7 +7,7 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.extension import longest_cell
+from antiosc.fem.mesh.finer import longest_cell
 from antiosc.fem.mesh.surface import volume_and_surface
 from antiosc.fem.platform import compat
 from antiosc.recovery import source
