@@ -239,10 +239,7 @@ def integrate(kind: Callable[..., H], assembly: Assembly, duration: float, setti
 
     from antiosc.impact.stretching import with_stretch  # loaded where it is used
 
-    def integrated(other: Assembly) -> H:
-        """The history of another assembly."""
-        return _integrated_history(kind, other, duration, settings)
-
+    integrated = partial(_integrated_history, kind, duration=duration, settings=settings)
     history, sentence = with_stretch(linear, integrated, settings.tol)
     return replace(history, message=f"{history.message} {sentence}".rstrip())
 
@@ -284,12 +281,9 @@ def _integrated_history(
     return kind(assembly, run, error, status, message, given=step)
 
 
-#: Share of the steps of a run from which so many that were refused put a given step in doubt.
-MAX_REFUSED_SHARE = 0.1
-
-
-#: Share of a run with a given step: what the step does not resolve is integrated with halvings.
-HALVED_TIME_SHARE = 0.05
+#: Share of the steps of a run from which so many that were refused put a given step in doubt, and
+#: of a run with a given step: what the step does not resolve is integrated with halvings.
+MAX_REFUSED_SHARE, HALVED_TIME_SHARE = 0.1, 0.05
 
 
 def integrate_exact(

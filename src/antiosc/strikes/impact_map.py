@@ -3,15 +3,6 @@
 One eigenproblem serves all sites (`antiosc.models.free_modes`). Each site needs the values of the
 free modes at the site and two numbers of its static deflection y: the compliance b'y and the
 inertia y'My (`antiosc.fem.linalg.deflections`). The error of Z is bounded at each site.
-
-The largest stress anywhere in a part is computed for the impact at each site of a map. Under the
-force F(t) at site i, the part moves in the free modes of the map, and quasi-statically in all
-higher modes:
-
-    u(t) = sum_j phi_j q_j(t) + [y_i - sum_j phi_j b_ij / (omega_j^2 + s)] F(t)
-
-with y_i = (K + sM)^-1 b_i. The stresses of the modes are recovered once for all sites, those of the
-second term at each; these and the search over all nodes and times are the cost.
 """
 
 from __future__ import annotations
@@ -84,10 +75,8 @@ DEFAULT_BAND_SHARE = 0.5
 MAX_MODES = 100
 #: Numbers of anti-oscillators that are tried if `n` is not given.
 OSCILLATOR_COUNTS = (12, 25, 50, 100)
-#: A site is doubtful if its force exceeds that on a rigid wall by this share.
-WALL_MARGIN = 0.003
-#: Tolerance of the impact on the wall.
-WALL_TOL = 1e-3
+#: A site is doubtful if its force exceeds that on a rigid wall, to this tolerance, by this share.
+WALL_TOL, WALL_MARGIN = 1e-3, 0.003
 #: Mean pressure of a contact that yields all over, over the yield strength (Tabor).
 FULLY_PLASTIC_PRESSURE_RATIO = 2.8
 
@@ -187,17 +176,9 @@ def impact_map(
     if n is not None:
         counts = (whole("n", n),)
 
-    sites_seen = free_sites(
-        structure,
-        matrices,
-        where,
-        direction,
-        radius,
-        modes,
-        band or excited,
-        math.inf if excited is None else MAX_MODES,
-        most_sites,
-    )
+    places = where, direction, radius
+    most = math.inf if excited is None else MAX_MODES
+    sites_seen = free_sites(structure, matrices, *places, modes, band or excited, most, most_sites)
     map_sites = sites_seen.map_sites
     omega = sites_seen.omega
     sites = map_sites.sites

@@ -1,4 +1,11 @@
-"""The largest stress in the part for the impact at each site of a map."""
+"""The largest stress in the part for the impact at each site of a map.
+
+Under the force F(t) at site i the part moves in the free modes, and quasi-statically in all others,
+
+    u(t) = sum_j phi_j q_j(t) + [y_i - sum_j phi_j b_ij / (omega_j^2 + s)] F(t)
+
+with y_i = (K + sM)^-1 b_i. The stresses of the modes are recovered once for all sites.
+"""
 
 from __future__ import annotations
 

@@ -47,15 +47,8 @@ ELASTIC_STRENGTH_RATIO = 2.6
 #: and 5 % for a linear growth up to `ELASTIC_STRENGTH_RATIO`).
 STRENGTH_RATIO = 1.6
 
-#: Unknown properties (`Choice.unknown`) of contacts of flat faces, without a yield strength, of
-#: laminates.
-FLAT_FACES = "the pressure of flat faces, which are never quite parallel"
+#: Unknown property (`Choice.unknown`) of contacts without a yield strength.
 UNKNOWN_STRENGTH = "whether one side yields (give the yield strength or a material)"
-LAMINATE_DAMAGE = "the indentation from which this laminate is damaged"
-#: That of a surface that may fit into the other one by the error of its curvature on the mesh.
-UNSURE_CURVATURE = (
-    "the curvature of the surface at the site is too uncertain (smaller elements around the site)"
-)
 #: The peak force of Hertz's law grows with each relative radius to this power, at equal work.
 RADIUS_POWER = 0.1
 
@@ -118,17 +111,17 @@ def choose_law(one: Surface, other: Surface, restitution: float | None = None) -
 
     rounder, flatter = sorted((one, other), key=lambda surface: -surface.curvatures[1])
     is_soft = rounder.matter.E <= flatter.matter.E
-    if uncertain >= 2 * A:
-        doubt = doubt or UNSURE_CURVATURE
+    if uncertain >= 2 * A and not doubt:  # one surface may fit into the other
+        doubt = "the curvature at the site is too uncertain (smaller elements around the site)"
     by_curvature = RADIUS_POWER * (uncertain / (2 * A) + uncertain / (2 * B))
     at_point = partial(Choice, curvature_error=by_curvature, curvature=2 * B, soft_ball=is_soft)
     soft = min(materials, key=_strength)
     laminate = next((m for m in materials if m.critical is not None), None)
     if laminate is not None and laminate.critical is not None:
         stiffness = hertz_stiffness(modulus, A, B)
-        return Choice(
-            YangSun(stiffness, laminate.critical), f"a laminate{shape}", None, LAMINATE_DAMAGE
-        )
+        doubt = "the indentation from which this laminate is damaged"
+        law: ContactLaw = YangSun(stiffness, laminate.critical)
+        return Choice(law, f"a laminate{shape}", None, doubt)
 
     if restitution is None and first.brittle and first.loss >= LOSSY_FACTOR:
         restitution = exp(-pi * first.loss / 2)
@@ -215,7 +208,8 @@ def _punch_choice(first: Surface, second: Surface, modulus: float) -> Choice:
         )
 
     reason = f"flat faces over a radius of {engineering(min(sizes), 'm')}"
-    return Choice(Punch(2 * modulus * min(sizes)), reason, None, FLAT_FACES)
+    doubt = "the pressure of flat faces, which are never quite parallel"
+    return Choice(Punch(2 * modulus * min(sizes)), reason, None, doubt)
 
 
 def elastic_pressure(law: ElasticPlastic, depth: float) -> float:

@@ -96,12 +96,9 @@ class Surface:
 
     def as_dict(self) -> dict[str, Any]:
         """The surface as JSON values."""
-        material_dict = asdict(self.matter)
-        fields_of_surface = asdict(self)
-        fields_of_surface["matter"] = {
-            key: value for key, value in material_dict.items() if value is not None
-        }
-        return {key: value for key, value in fields_of_surface.items() if value is not None}
+        table = asdict(self)
+        table["matter"] = {key: v for key, v in table["matter"].items() if v is not None}
+        return {key: value for key, value in table.items() if value is not None}
 
     @classmethod
     def of(cls, table: Mapping[str, Any]) -> Surface:
@@ -147,12 +144,11 @@ def matter_of(
             )
         matter = own
 
-    constants = {"E": E, "nu": nu}
-    overrides: dict[str, Any] = {
-        key: value
-        for key, value in constants.items()
-        if value is not None and value != getattr(matter, key)
-    }
+    overrides: dict[str, Any] = {}
+    if E is not None:
+        overrides["E"] = E
+    if nu is not None:
+        overrides["nu"] = nu
 
     if yield_strength is not None:
         strength = checks.positive("yield_strength", yield_strength, "Pa")
@@ -161,10 +157,7 @@ def matter_of(
             overrides["tensile"] = None
             overrides["rate"] = matter.rate and matter.rate[:2]
 
-    if overrides:
-        return replace(matter, **overrides)
-
-    return matter
+    return replace(matter, **overrides) if overrides else matter
 
 
 def density_of(material: object) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from math import sqrt
 from typing import Any, NamedTuple
 
@@ -116,25 +116,17 @@ def contact_zones(contacts: Iterable[OneContact], body: str) -> list[ContactZone
     zones = []
     for contact in contacts:
         size = _contact_size(contact)
-        if size is None:
-            continue
-        radius, nu = size
-        zones += [
-            ContactZone(point, radius, patch, contact.peak_force, nu)
-            for point, patch in _contact_points(contact, body)
-        ]
+        scene = contact._record.assembly
+        parts = scene.scene.contacts[contact._row]
+
+        for struck, site in (find_site(end, scene.bodies) for end in (parts.a, parts.b)):
+            point = site_points(struck.body).get(site)
+            if size is not None and struck.name == body and point is not None:
+                radius, nu = size
+                patch = struck.patch_radius or 0.0
+                zones.append(ContactZone(np.array(point), radius, patch, contact.peak_force, nu))
 
     return zones
-
-
-def _contact_points(contact: OneContact, body: str) -> Iterator[tuple[Array, float]]:
-    """Yield (point (3,), radius of the patch) [m] of each side of a contact on a body, if known."""
-    scene = contact._record.assembly
-    parts = scene.scene.contacts[contact._row]
-    for scene_body, site in (find_site(end, scene.bodies) for end in (parts.a, parts.b)):
-        point = site_points(scene_body.body).get(site)
-        if scene_body.name == body and point is not None:
-            yield np.array(point), scene_body.patch_radius or 0.0
 
 
 def _contact_size(contact: OneContact) -> tuple[float, float] | None:
