@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from ctypes import addressof
+from functools import partial
 from math import isfinite, isnan
 from typing import TYPE_CHECKING
 
@@ -39,56 +40,47 @@ class CallbackLaw:
         self.kernel = library.UserLaw(None, self.size, law.rate_dependent, *functions)
 
     def _force(self, _: object, delta: float, rate: float, state: Doubles, out: Doubles) -> int:
-        def values() -> Iterator[float]:
+        def values() -> list[float]:
             law_state = tuple(state[: self.size])
-            yield self.law.force(delta, rate, law_state)
-            yield from self.law.tangent(delta, rate, law_state)
+            slopes = self.law.tangent(delta, rate, law_state)
+            return [self.law.force(delta, rate, law_state), *slopes]
 
         return self._store_values(f"force and tangent at {delta:g} m and {rate:g} m/s", values, out)
 
     def _touch(self, _: object, speed: float, first: int, state: Doubles, origin: Doubles) -> int:
         old_state = None if first else tuple(state[: self.size])
-        return self._store_state(
-            f"touch at {speed:g} m/s", state, origin, self.law.touch, speed, old_state
-        )
+        new_state = partial(self.law.touch, speed, old_state)
+        return self._store_state(f"touch at {speed:g} m/s", state, origin, new_state)
 
     def _advance(
         self, _: object, delta: float, rate: float, state: Doubles, origin: Doubles
     ) -> int:
-        call_text = f"advance at {delta:g} m and {rate:g} m/s"
-        law_state = tuple(state[: self.size])
-        return self._store_state(call_text, state, origin, self.law.advance, delta, rate, law_state)
+        new_state = partial(self.law.advance, delta, rate, tuple(state[: self.size]))
+        return self._store_state(
+            f"advance at {delta:g} m and {rate:g} m/s", state, origin, new_state
+        )
 
     def _work(self, _: object, speed: float, delta: float, work: Doubles) -> int:
-        def values() -> Iterator[float]:
-            yield self.law.potential(delta, self.law.touch(speed))
+        def values() -> list[float]:
+            return [self.law.potential(delta, self.law.touch(speed))]
 
         return self._store_values(f"potential at {delta:g} m", values, work)
 
     def _store_state(
-        self,
-        where: str,
-        state: Doubles,
-        origin: Doubles,
-        new: Callable[..., tuple[float, ...]],
-        *arguments: object,
+        self, where: str, state: Doubles, origin: Doubles, new: Callable[[], tuple[float, ...]]
     ) -> int:
         """Store a new state and its origin, and return 0; 1 if computing them fails."""
-        new_state: list[float] = []
 
-        def values() -> Iterator[float]:
-            new_state.extend(new(*arguments))
-            yield from new_state
+        def of_state() -> list[float]:
+            return [self.law.origin(tuple(state[: self.size]))]
 
-        failed = self._store_values(where, values, state, lambda x: not isnan(x))
-        return failed or self._store_values(
-            where, lambda: iter([self.law.origin(tuple(new_state))]), origin
-        )
+        failed = self._store_values(where, new, state, lambda x: not isnan(x))
+        return failed or self._store_values(where, of_state, origin)
 
     def _store_values(
         self,
         where: str,
-        values: Callable[[], Iterator[float]],
+        values: Callable[[], Sequence[float]],
         out: Doubles,
         sound: Callable[[float], bool] = isfinite,
     ) -> int:

@@ -1,17 +1,13 @@
 """The error budget of an impact: errors due to mesh, truncation, steps, patch and law.
 
 The mesh error is the difference between the impacts on the model and on its corrected model
-(`antiosc.models.parameters`), times a factor of safety. The errors of the three quantities (peak
-force, impulse, contact time) may vanish by chance; each is therefore at least half the largest of
-them. The factor is larger if strain errors are a large share of the energy. For a shell, the impact
-on a model that is softened without its misfit is computed too, and the larger difference is taken,
-since error and misfit have opposite signs and may cancel. Parts without an estimator
-(`ModelInfo.no_estimate`) have a budget of the other causes, and a note that the mesh's is missing.
-The truncation error is that of `antiosc.impact.truncation`.
+(`antiosc.models.parameters`), times a factor of safety, which is larger if strain errors are a
+large share of the energy. Each quantity has at least half of the largest error, as one may vanish
+by chance. For a shell, error and misfit have opposite signs and may cancel: the larger difference
+of that with and that without the misfit is taken.
 
 "noise": the record of a measured model (`ModelInfo.measured`) contains other bodies that fit the
-measurement as well; some differ by the noise, some by the unknown modes above the band. The impact
-is repeated on each of them; the error is `BAR_SIGMAS` standard deviations of the results by each.
+measurement as well, on each of which the impact is repeated.
 """
 
 from __future__ import annotations
@@ -55,26 +51,19 @@ class RepeatedImpact:
         self.model = model
         self.rerun = rerun
         self.tol = tol
-        self.runs: list[History] = []
-        self.raw_history = self.with_body(model)
+        self.raw_history = rerun(model, tol)
+        self.runs = [self.raw_history]
 
-    def with_body(self, body: LinearBody) -> History:
-        """The history of the impact on another body."""
-        self.runs.append(self.rerun(body, self.tol))
+    def run(self, body: LinearBody, law: ContactLaw | None = None) -> History:
+        """The history on another body, or by another law; that of `model` needs no new run."""
+        if body is self.model and law is None:
+            return self.raw_history
+        self.runs.append(self.rerun(body, self.tol, law))
         return self.runs[-1]
 
-    def with_law(self, law: ContactLaw) -> History:
-        """The history of the impact by another law."""
-        self.runs.append(self.rerun(self.model, self.tol, law))
-        return self.runs[-1]
-
-    def history_of(self, body: LinearBody, tol: float) -> History:
-        """The history on a body; that of `model` needs no new run."""
-        return self.raw_history if body is self.model else self.with_body(body)
-
-    def relative_changes(self, body: LinearBody) -> RelativeErrors:
-        """Relative changes of the quantities on another body."""
-        return bars.relative_changes_with_site(self.raw_history, self.with_body(body))
+    def changes(self, body: LinearBody, law: ContactLaw | None = None) -> RelativeErrors:
+        """Relative changes of the quantities on another body, or by another law."""
+        return bars.relative_changes_with_site(self.raw_history, self.run(body, law))
 
 
 #: Error bar, in standard deviations over the bodies (measured).
@@ -89,7 +78,7 @@ def measurement_errors(impact: RepeatedImpact) -> RelativeErrors:
 
     bodies = zip(*(np.asarray(facts[name]) for name in ("omega", "b", "r", "decay")), strict=True)
     changes = [
-        impact.relative_changes(ModalModel(ModalBody(omega, b, float(r), decay=decay)))
+        impact.changes(ModalModel(ModalBody(omega, b, float(r), decay=decay)))
         for omega, b, r, decay in bodies
     ]
     draws = int(facts["draws"])
@@ -104,10 +93,8 @@ def measurement_errors(impact: RepeatedImpact) -> RelativeErrors:
     return bars.with_floor(total)
 
 
-#: Factor of safety of the mesh error.
-SAFETY = 2.0
-#: The factor for a coarse mesh.
-COARSE_SAFETY = 3.0
+#: Factors of safety of the mesh error, and of that of a coarse mesh.
+SAFETY, COARSE_SAFETY = 2.0, 3.0
 #: A mesh is coarse if the strain errors exceed this share of the energy,
 COARSE_STRAIN_ERROR = 0.1
 #: or the faces under the patch exceed this times its radius (the factor then grows in proportion).
@@ -259,10 +246,7 @@ def law_error(impact: RepeatedImpact) -> tuple[RelativeErrors | None, str]:
 
     start, end = hit.contacts[0]
     laws = weakest_and_strongest(choice, hit.peak_force, end - start)
-    changes = [
-        bars.ZERO_ERRORS,
-        *(bars.relative_changes_with_site(hit, impact.with_law(law)) for law in laws),
-    ]
+    changes = [bars.ZERO_ERRORS, *(impact.changes(impact.model, law) for law in laws)]
     share = error_of_law(choice, hit.peak_force)
 
     return {name: share + max(change[name] for change in changes) for name in BAR_UNITS}, ""
@@ -288,7 +272,7 @@ def _stretch_errors(hit: History, model: AntiOscillators, impact: RepeatedImpact
     else:
         count = min(stretch.size + 2, model.stretch.size)
         more = replace(model, stretch=replace(model.stretch, count=count))
-        stretch_errors = relative_differences(hit, impact.with_body(more))
+        stretch_errors = relative_differences(hit, impact.run(more))
 
     return stretch_shares(stretch_errors, energy_ratio_before_peak(hit))
 
@@ -311,7 +295,7 @@ def _mesh_errors(impact: RepeatedImpact, linear_note: str) -> MeshErrors:
     if not model.n or (no_error and not is_reduced(model)):
         return MeshErrors()
 
-    truncated = truncation_error(model, impact.history_of, tol=impact.tol)
+    truncated = truncation_error(model, lambda other, _: impact.run(other), tol=impact.tol)
     truncation = {name: getattr(truncated, name) for name in BAR_UNITS}
     too_few = []
     if truncated.peak_force > WARNING_SHARE:
@@ -320,12 +304,12 @@ def _mesh_errors(impact: RepeatedImpact, linear_note: str) -> MeshErrors:
     if model.strain_error is None:
         return MeshErrors(truncation=truncation, notes=too_few)
 
-    softer = impact.with_body(model.corrected())
+    softer = impact.run(model.corrected())
     share = energy_error(model, model.strain_error, amplitude_products(raw))
     safety, doubts = _safety_factor(model, share)
     changes = bars.relative_changes_with_site(raw, softer)
     if model.strain_misfit is not None:
-        unstiffened = impact.relative_changes(replace(model, strain_misfit=None).corrected())
+        unstiffened = impact.changes(replace(model, strain_misfit=None).corrected())
         changes = {name: max(change, changes[name]) for name, change in unstiffened.items()}
     mesh = bars.with_floor({name: safety * change for name, change in changes.items()})
 
@@ -423,7 +407,7 @@ def _patch_errors(impact: RepeatedImpact) -> tuple[RelativeErrors, list[str]]:
         return bars.ZERO_ERRORS, [NO_PATCH_NOTE]
     subtracted = min(change, model.local_compliance)
     local = model.local_compliance - subtracted
-    relative_change = impact.relative_changes(
+    relative_change = impact.changes(
         replace(model, strain_error=None, strain_misfit=None, local_compliance=local)
     )
     if change and not any(relative_change.values()):  # the law does not contain the half-space

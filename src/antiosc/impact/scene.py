@@ -451,7 +451,8 @@ def simulate(
     if history.run.touches and n != "auto" and is_reduced(history.model):
         from antiosc.impact.truncation import too_few_text_of_run  # loaded where it is used
 
-        history = with_warning(history, too_few_text_of_run(history, history.rerun, accuracy))
+        rerun = history.source.rerun
+        history = with_warning(history, too_few_text_of_run(history, rerun, accuracy))
     if history.run.touches:
         estimate = history.assembly.contact_time_estimate
         history = with_warning(history, coarse_cell_warning(history.model, "", estimate))

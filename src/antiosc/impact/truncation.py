@@ -3,11 +3,9 @@
 A truncated model adds the mass of the truncated modes to m0, at the site. This is exact if these
 modes are infinitely stiff. In the other extreme this mass is attached by one spring with the first
 truncated frequency, which is the softest that is possible. The truth lies between the two, and the
-difference of the two impacts measures the truncation error. The error of each of the three
-quantities (peak force, impulse, contact time) may change its sign; the estimate of each is
-therefore at least half the largest of them. With the factor `TRUNCATION_SAFETY` at least nine of
-ten true errors are below the estimate; the median overestimation is 4 to 8
-(tests/simulation/test_truncation.py).
+difference of the two impacts measures the truncation error; each quantity has at least half of the
+largest one, as its sign may change. With the factor `TRUNCATION_SAFETY` at least nine of ten true
+errors are below the estimate (tests/simulation/test_truncation.py).
 
 A model of the Krylov method is a rule of Gauss and Radau (Golub and Meurant, *Matrices, Moments and
 Quadrature*, 2010, ch. 6): m0 and the m_i are weights at 0 and at 1/(omega_i^2 + p^2), p the
@@ -299,12 +297,9 @@ def _krylov_modes(P: Array, omega: Array, point: float, count: int) -> tuple[Arr
     return modes, np.sqrt(1 / (highest * values) - point)
 
 
-def too_few_text_of_run(hit: History, rerun: RunOnModel | None, tol: float) -> str:
+def too_few_text_of_run(hit: History, rerun: RunOnModel, tol: float) -> str:
     """Warning that the anti-oscillators of the model of a run are too few for it, or ""."""
     model = hit.model
-    if not is_reduced(model) or rerun is None:
-        return ""
-
     error = truncation_error(
         model, lambda other, tol: hit if other is model else rerun(other, tol), tol=tol
     )

@@ -46,16 +46,26 @@ def draw_faces(
     darkest_shade: float = DARKEST_SHADE,
     outlined: BoolArray | None = None,
 ) -> None:
-    """Faces (F, 3 or 4, 3) coloured by `value` (F,); white where `outlined`.
+    """Faces (F, 3 or 4, 3), lines (F, 2, 3) or points coloured by `value` (F,).
 
     A colour scale is drawn if there is a `label`; `darkest_shade`: factor on the colour of faces
-    that are parallel to the light.
+    that are parallel to the light; faces that are `outlined` are white.
     """
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
+    if label:
+        figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
+    colours = scale.to_rgba(value)
+    if corners.shape[1] == 1:
+        axes.scatter(*corners[:, 0].T, c=colours, s=20, depthshade=False)
+        return
+
+    from mpl_toolkits.mplot3d import art3d  # type: ignore[import-untyped]
+
+    if corners.shape[1] == 2:
+        axes.add_collection3d(art3d.Line3DCollection(corners, colors=colours, linewidths=3))
+        return
 
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
-    colours = scale.to_rgba(value)
     colours[:, :3] *= (
         darkest_shade + (1 - darkest_shade) * np.abs(normal @ LIGHT_DIRECTION) / length
     )[:, None]
@@ -65,26 +75,8 @@ def draw_faces(
     widths = np.full(len(colours), 0.2)
     if outlined is not None:
         colours[outlined, :3], edges[outlined, :3], widths[outlined] = 1.0, 0.0, 0.5
-    axes.add_collection3d(
-        Poly3DCollection(corners, facecolors=colours, edgecolors=edges, linewidths=widths)
-    )
-    if label:
-        figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
-
-
-def draw_lines(
-    figure: Figure, axes: Axes3D, corners: Array, value: Array, label: str, scale: ScalarMappable
-) -> None:
-    """Lines (F, 2, 3) or points (F, 1, 3) coloured by `value` (F,), with a scale if labelled."""
-    from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
-
-    colours = scale.to_rgba(value)
-    if corners.shape[1] == 2:
-        axes.add_collection3d(Line3DCollection(corners, colors=colours, linewidths=3))
-    else:
-        axes.scatter(*corners[:, 0].T, c=colours, s=20, depthshade=False)
-    if label:
-        figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
+    faces = {"facecolors": colours, "edgecolors": edges, "linewidths": widths}
+    axes.add_collection3d(art3d.Poly3DCollection(corners, **faces))
 
 
 def colour_scale(value: Array) -> ScalarMappable:
@@ -171,10 +163,7 @@ def deformed_figure(
     values = surface.values[surface.faces].mean(axis=1)
     top = surface.largest if whole_scale or mark is not None else values
     colours = colour_scale(np.append(0.0, top))
-    if surface.faces.shape[1] > 2:
-        draw_faces(figure, axes, corners, values, surface.label, colours)
-    else:
-        draw_lines(figure, axes, corners, values, surface.label, colours)
+    draw_faces(figure, axes, corners, values, surface.label, colours)
     undeformed = scale * surface.points[np.unique(surface.faces)]
     framed = [undeformed if whole_scale else corners.reshape(-1, 3)]
     if arrow is not None:
@@ -210,8 +199,7 @@ def draw_design(
     scale = ScalarMappable(Normalize(-top, top), "RdBu_r")
     figure, axes, unit, name = axes_in_space(corners.reshape(-1, 3), shown=path is None)
     order = [0, 1, 3, 2] if corners.shape[1] == 4 else list(range(corners.shape[1]))
-    draw = draw_lines if corners.shape[1] < 3 else draw_faces
-    draw(figure, axes, unit * corners[:, order], value, label, scale)
+    draw_faces(figure, axes, unit * corners[:, order], value, label, scale)
     axes.set(xlabel=f"x ({name})", ylabel=f"y ({name})", zlabel=f"z ({name})")
     plane = np.ptp(corners[..., 2]) == 0.0  # it is seen from above, and its labels stand beside it
     if plane:

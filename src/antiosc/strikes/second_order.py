@@ -16,7 +16,6 @@ from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.impact.histories import History
 from antiosc.impact.histories.linear_theory import (
     EXPLICIT_REMEDY,
-    THIRD_ORDER_DEFLECTION_RATIO,
     deflection_text,
     large_deflection_message,
     largest_deflection,
@@ -70,13 +69,8 @@ def _run_of_either_order(
     structure: Structure, model: AntiOscillators, run: RunOnModel[H], linear: H, told: list[str]
 ) -> tuple[H, list[str]]:
     """The linear run, or one with second-order forces if they matter, and its warnings."""
-    solid = _is_solid(structure)
-    is_far = any(
-        largest_deflection(linear, name) > THIRD_ORDER_DEFLECTION_RATIO * h
-        for name, h in sheets_of_run(linear, supported=True)
-    )
-    energy = second_order_energy_ratio(structure, linear) if solid or is_far else inf
-    if solid and energy <= SLIGHT_ENERGY_RATIO:
+    energy = second_order_energy_ratio(structure, linear)
+    if energy <= SLIGHT_ENERGY_RATIO and _is_solid(structure):
         linear.assembly.omitted_stretch_ratio = energy
         return linear, told
 

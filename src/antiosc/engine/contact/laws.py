@@ -544,14 +544,9 @@ class Tabulated(Hysteretic):
     def valid_force(self) -> float:
         return self._end
 
-    def _changed_fields(self) -> list[tuple[str, str]]:
-        facts = [("points", str(self._points)), ("up to", self._reach)]
-        if self.elastic:
-            return facts
-        return [*facts, ("unloading", "given")]
-
     def __repr__(self) -> str:
-        return f"Tabulated({', '.join(' '.join(fact) for fact in self._changed_fields())})"
+        unloading = "" if self.elastic else ", unloading given"
+        return f"Tabulated(points {self._points}, up to {self._reach}{unloading})"
 
     def out_of_range(self, peak: float, radius: float | None) -> str:
         return (
