@@ -1,11 +1,9 @@
 """Changes that packages make to the process, and what they may read of it when they load.
 
-FFCx adds a handler to the root logger and redirects Python's warnings to it; dolfinx changes the
-flags of the dynamic loader; PETSc installs signal handlers; setuptools, which calls the compiler,
-changes the environment and the module path. `restored` undoes it. When they load, several packages
-take files of the working folder for their configuration (`.petscrc`, `matplotlibrc`, …), which can
-name programs and libraries to run. They load in `/` instead (`loading`), so that a folder from
-elsewhere configures nothing.
+FFCx, dolfinx, PETSc and setuptools change loggers, warnings, flags of the dynamic loader, signal
+handlers, environment and module path: `restored` undoes it. Several packages take files of the
+working folder for their configuration (`.petscrc`, `matplotlibrc`, …), which can name programs to
+run: they load in `/` instead (`loading`), so that a folder from elsewhere configures nothing.
 """
 
 from __future__ import annotations

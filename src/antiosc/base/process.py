@@ -1,11 +1,9 @@
 """The process: its BLAS threads, and the free memory of its machine.
 
-**Threads.** One BLAS thread, and for large factorizations one fewer than there are cores, whatever
-else the machine does, so that a run gives the same digits again. The cores share work whose pieces
-need one thread each. OpenBLAS threads synchronise in busy loops, thousands of times in one sparse
-factorization: if another program has one of their cores, two threads take up to nine times as long
-as one. A number of threads that the user has set in the environment is respected; other libraries
-are not changed.
+**Threads.** One BLAS thread, and for large factorizations one fewer than there are cores, so that a
+run gives the same digits again. OpenBLAS threads synchronise in busy loops: if another program has
+one of their cores, two take up to nine times as long as one. A number of threads that the user has
+set in the environment is respected; other libraries are not changed.
 
 **Memory.** The free memory, the share of it that a run may use, and the message if it is too small.
 """

@@ -274,7 +274,7 @@ class PackedSystem:
             bodies += len(s.cubic).to_bytes(2, "little")
         self.key: Key = p, m, size, bodies
 
-        *arrays, q, v = map(library.address, self.numbers)
+        *addresses, q, v = map(library.address, self.numbers)
 
         self.laws = [packed_law(law) for law in s.laws]
         self.contacts = (library.CContact * p).from_buffer_copy(cast("bytes", s.contacts))
@@ -290,7 +290,7 @@ class PackedSystem:
             m,
             p,
             breaks,
-            *arrays,
+            *addresses,
             addressof(self.contacts),
             q,
             v,

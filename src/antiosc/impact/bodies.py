@@ -3,9 +3,6 @@
 For a scene, every body is a set of modes with the displacements of its sites, its initial motion
 and its inertia (`SceneBody`). A site has one or more columns, each a displacement along a direction
 in space; bodies without directions (a `RigidMass`, a model made by hand) have one column.
-
-Each named impactor states the source of its numbers. Numbers without a source are omitted: a tip
-without a modulus has no Hertz law.
 """
 
 from __future__ import annotations
@@ -281,33 +278,18 @@ ICE_DENSITY = 917.0
 
 @dataclass(frozen=True, repr=False)
 class NamedImpactor(FieldsRepr):
-    """A named impactor with the source of its numbers.
+    """A named impactor with the source of its numbers; None is not in the source."""
 
-    Attributes
-    ----------
-    name : its name in `named_impactor`.
-    source : the document that gives the numbers.
-    mass : kg; None: it follows from the diameter.
-    speed : speed of the test that the standard prescribes, m/s; None: none is prescribed.
-    tip_radius : m; None: not in the source.
-    steel : whether its surface is steel.
-    yield_strength : of its surface [Pa]; None: not in the source.
-    stiffness : stiffness of its contact with a plane for a law F = k δ, N/m; None: not in the
-        source.
-    restitution : coefficient of restitution on a rigid surface; None: not in the source.
-    note : unknown properties, and choices left to the user.
-    """
-
-    name: str
-    source: str
-    mass: float | None
-    speed: float | None = None
-    tip_radius: float | None = None
-    steel: bool = False
-    yield_strength: float | None = None
-    stiffness: float | None = None
-    restitution: float | None = None
-    note: str = ""
+    name: str  #: its name in `named_impactor`
+    source: str  #: the document that gives the numbers
+    mass: float | None  #: kg; None: it follows from the diameter
+    speed: float | None = None  #: of the test that the standard prescribes, m/s
+    tip_radius: float | None = None  #: m
+    steel: bool = False  #: whether its surface is steel
+    yield_strength: float | None = None  #: of its surface, Pa
+    stiffness: float | None = None  #: of its contact with a plane, F = k δ, N/m
+    restitution: float | None = None  #: on a rigid surface
+    note: str = ""  #: unknown properties, and choices left to the user
 
     def law(self) -> Gonthier:
         """The law with its stiffness and restitution; InputError if the source gives none."""
@@ -680,22 +662,20 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
         if isinstance(body, Obstacle):
             raise InputError(f"body {name!r} is an obstacle, which does not move.")
         if isinstance(motion, ModalState):
-            if motion.velocities.size != body_in_scene.omega.size:
+            first = body_in_scene.modes.first_order
+            own = body_in_scene.omega.size, 0 if first is None else first.omega.size
+            given = motion.velocities.size, own[1]
+            if motion.first_order is not None:
+                given = given[0], motion.first_order.shape[1]
+            if given != own:
                 raise InputError(
-                    f"the ModalState of {name!r} has {motion.velocities.size} modes, the body"
-                    f" {body_in_scene.omega.size}."
+                    f"the ModalState of {name!r} has {given[0]} modes and {given[1]} of first"
+                    f" order, the body {own[0]} and {own[1]}."
                 )
 
             body_in_scene.initial_displacements = motion.displacements
             body_in_scene.start_velocities = motion.velocities
-            body_in_scene.first_order_start = first_order = motion.first_order
-            first = body_in_scene.modes.first_order
-            size = 0 if first is None else first.omega.size
-            if first_order is not None and first_order.shape[1] != size:
-                raise InputError(
-                    f"the ModalState of {name!r} has {first_order.shape[1]} first-order modes,"
-                    f" the body {size}."
-                )
+            body_in_scene.first_order_start = motion.first_order
         else:
             body_in_scene.start_velocities = _initial_velocities(body_in_scene, motion)
 

@@ -393,11 +393,10 @@ def simulate(
         Relative error of the force history in the L2 norm, of its impulse and peak; default 1e-3.
     initial_velocity : float or Motion
         Initial motion of a structure with rigid-body modes. A number is the velocity along the
-        direction of impact [m/s], > 0 toward the impactor. A body that is free in this direction
-        translates. If supports prevent this translation (a beam pinned at one end), or if the
-        inertia of the model in space is unknown (made by hand or from matrices), the number is the
-        velocity of the site in the rigid-body motion of least kinetic energy, phi_CR of the
-        article. A `Motion` gives velocity and spin in the axes of the mesh.
+        direction of impact [m/s], > 0 toward the impactor, of a translation; if supports prevent
+        it, or the inertia of the model in space is unknown (made by hand or from matrices), of the
+        site in the rigid-body motion of least kinetic energy, phi_CR of the article. A `Motion`
+        gives velocity and spin in the axes of the mesh.
     gravity : float or sequence of 3 floats
         Acceleration [m/s^2] along the impact direction, or as a vector in the axes of the mesh. It
         acts on free bodies; the displacement of a body that is supported at its site is measured
@@ -410,8 +409,6 @@ def simulate(
         Add proved bounds on the force of the assembled structure, `history.enclosure`, to a run
         with models that `extract(…, proof=…)` made (`antiosc.impact.enclosure`). The steps are
         those of a `tol` of 1e-4 or less, as their error is within the bounds.
-
-    With n="auto" the runs that choose n use the same method, step and limits.
 
     Returns
     -------

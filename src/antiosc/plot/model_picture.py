@@ -34,6 +34,8 @@ def draw_model(
     `shifts` (N + 2,) shifts striker, residual mass and anti-oscillators down, in the picture's
     unit.
     """
+    from matplotlib.patches import Rectangle
+
     drawn = min(MAX_DRAWN, len(m))
     left, right = -1.1, (drawn + 0.6) * BODY_SPACING
     striker, plate, *masses = -(np.zeros(len(m) + 2) if shifts is None else shifts)
@@ -42,8 +44,11 @@ def draw_model(
     _draw_striker(ax, striker, plate)
     sides = np.sqrt(m[:drawn] / np.max(m[:drawn])).clip(0.12)
     for i, side in enumerate(sides):
+        x, y = (i + 1) * BODY_SPACING, masses[i] + 1.3
         text = f"{engineering(omega[i] / (2 * np.pi), 'Hz')}\n{engineering(m[i], 'kg')}"
-        _draw_oscillator(ax, (i + 1) * BODY_SPACING, plate, masses[i], side, text)
+        _draw_spring(ax, x, plate + 0.3, y)
+        ax.add_patch(Rectangle((x - side / 2, y), side, side, **MASS_STYLE))
+        ax.text(x, y + 1.1, text, ha="center", va="bottom", fontsize=8)
 
     if len(m) > drawn:
         rest = engineering(float(np.sum(m[drawn:])), "kg")
@@ -83,15 +88,6 @@ def _draw_striker(ax: Axes, y: float, plate: float) -> None:
     _draw_spring(ax, 0, y + 1.55, foot)
     ax.plot((-0.3, 0.3), (foot, foot), **LINE_STYLE)
     ax.text(-0.35, foot + 0.6, "contact\nlaw", ha="right", va="center", fontsize=8)
-
-
-def _draw_oscillator(ax: Axes, x: float, plate: float, y: float, side: float, text: str) -> None:
-    """One anti-oscillator: a square of `side` on its spring, and a text of frequency and mass."""
-    from matplotlib.patches import Rectangle
-
-    _draw_spring(ax, x, plate + 0.3, y + 1.3)
-    ax.add_patch(Rectangle((x - side / 2, y + 1.3), side, side, **MASS_STYLE))
-    ax.text(x, y + 2.4, text, ha="center", va="bottom", fontsize=8)
 
 
 def _draw_spring(ax: Axes, x: float, start: float, end: float, turns: int = 4) -> None:

@@ -15,6 +15,7 @@ import logging
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -65,10 +66,8 @@ GOAL_FACTOR = 0.6
 INITIAL_SIZE_RATIO = 1.5
 #: Sizes of the cells of a first mesh of a shell on the diagonal of the part.
 CELLS_ALONG_DIAGONAL = 10
-#: Most meshes.
-MAX_MESHES = 12
-#: Largest growth of the number of cells from one mesh to the next: sizes halved in space.
-MAX_CELL_GROWTH = 8.0
+#: Most meshes, and largest growth of the number of cells from one to the next: sizes halved.
+MAX_MESHES, MAX_CELL_GROWTH = 12, 8.0
 #: Power of the number of dofs by which seconds grow, by dimension.
 SECONDS_DOF_POWER = {1: 1.0, 2: 1.2, 3: 1.5}
 #: Bytes of a factor over a power of the number of dofs, and this power; by dimension.
@@ -301,26 +300,20 @@ def _first_mesh(
     if sheet:  # whose bars do not ask for a patch that is resolved
         return site, place.first(place.extent() / CELLS_ALONG_DIAGONAL, [])
     thickness = place.thickness()
-    contact = _contact_radius(impactor, solids[0], thickness)
     if site.radius is None and site.point is not None and isinstance(solids[0], Solid):
         half = thickness / 2
-        site = replace(site, radius=min(math.sqrt(contact * half), half) if contact else half / 1.5)
+        radius = half / 1.5
+        if isinstance(impactor, RigidMass | Sphere):
+            E, nu, rho = solids[0].constants()
+            with suppress(InputError):  # of a striker without a shape or a velocity
+                contact = advise((thickness,) * 3, impactor, E=E, nu=nu, rho=rho).contact_radius
+                radius = min(math.sqrt(contact * half), half)
+        site = replace(site, radius=radius)
     refine: list[tuple[Sequence[float], float]] = []
     has_patch = site.radius is not None or isinstance(solids[0], Beam)
     if has_patch and site.point is not None and not isinstance(site.point, str):
         refine.append((site.point, site.radius or 0.0))
     return site, place.first(INITIAL_SIZE_RATIO * order * thickness, refine)
-
-
-def _contact_radius(impactor: LinearBody, material: object, thickness: float) -> float:
-    """Radius of Hertz's contact at its peak [m]; 0 if the impactor's shape is unknown."""
-    if not isinstance(material, Solid) or not isinstance(impactor, RigidMass | Sphere):
-        return 0.0
-    E, nu, rho = material.constants()
-    try:
-        return advise((thickness,) * 3, impactor, E=E, nu=nu, rho=rho).contact_radius
-    except InputError:
-        return 0.0
 
 
 # -- the answer of one mesh, and what the mesh before tells of it

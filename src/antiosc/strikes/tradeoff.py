@@ -140,24 +140,15 @@ def line_of(row: Sequence[str] = tuple(TABLE_COLUMNS)) -> str:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tradeoff(Result):
-    """The methods that `tradeoff` compared, the cheapest first.
-
-    Attributes
-    ----------
-    table : the members.
-    tol : relative tolerance that was asked for.
-    hit : the history of the last mesh, as for `strike`.
-    others : other methods (`compare`) on the mesh of `best(tol)`, or of the finest member.
-    notes : sentences on methods that were not run, and on a single mesh.
-    compilation : seconds in which finite elements were compiled or loaded, in no member's seconds.
-    """
+    """The methods that `tradeoff` compared, the cheapest first."""
 
     table: tuple[TradeoffMember, ...]
-    tol: float
-    hit: History
+    tol: float  #: relative tolerance that was asked for
+    hit: History  #: of the last mesh, as for `strike`
+    #: other methods (`compare`) on the mesh of `best(tol)`, or of the finest member
     others: tuple[TradeoffMember, ...] = ()
-    notes: tuple[str, ...] = ()
-    compilation: float = 0.0
+    notes: tuple[str, ...] = ()  #: sentences on methods that were not run, and on a single mesh
+    compilation: float = 0.0  #: seconds of compiling or loading elements, in no member's seconds
 
     def best(self, tol: float | None = None, seconds: float | None = None) -> TradeoffMember:
         """The cheapest member whose bar is at most `tol`, or the most accurate within `seconds`.
@@ -223,15 +214,10 @@ class Tradeoff(Result):
 
     def numbers(self) -> dict[str, object]:
         """The tables, status, message and notes: name -> JSON value."""
-        return {
-            "table": [asdict(member) for member in self.table],
-            "others": [{**asdict(member), "bar": None} for member in self.others],
-            "notes": list(self.notes),
-            "compilation": self.compilation,
-            "tol": self.tol,
-            "status": self.status,
-            "message": self.message,
-        }
+        table = [asdict(member) for member in self.table]
+        others = [{**asdict(member), "bar": None} for member in self.others]
+        tables = {"table": table, "others": others, "notes": list(self.notes)}
+        return {**tables, **super().numbers()}
 
     def summary(self) -> str:
         """The table as text, with the other methods and the notes below."""

@@ -29,7 +29,7 @@ from bisect import bisect_left
 from collections.abc import Callable
 from ctypes import addressof, byref, c_double
 from dataclasses import fields
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import ClassVar, TypeGuard
 
 import numpy as np
@@ -325,9 +325,5 @@ class Compiled(Checked, ContactLaw):
 
 def is_compiled(law: ContactLaw) -> TypeGuard[Compiled]:
     """Whether the C library has this law; a subclass defined elsewhere may override methods."""
-    return _is_compiled_type(type(law))
-
-
-@lru_cache(maxsize=64)
-def _is_compiled_type(kind: type) -> bool:
-    return issubclass(kind, Compiled) and kind.__module__.startswith("antiosc.engine.contact.")
+    module = type(law).__module__
+    return isinstance(law, Compiled) and module.startswith("antiosc.engine.contact.")

@@ -69,25 +69,18 @@ class ErrorBar:
 class ErrorBudget(Mapping[str, ErrorBar]):
     """The bars of "peak_force", "impulse" and "contact_time".
 
-    Attributes
-    ----------
-    bars : quantity -> ErrorBar; "deflection", which is no member of the mapping, is that of the
-        largest displacement of the site within the run, of parts that are held.
-    energy_error : share of the errors of strains in the strain energy, mean over the contact.
-    notes : errors that the bars do not include, and reasons for doubts.
-    safety : factor of the mesh's bars over the differences to the corrected model.
-    unknown : what is not known -> why: a cause that was not estimated, with 0 in the bars; a
-        quantity whose compared runs differ in more than their size. There are no bars without
-        "mesh", or without "law", unless the law was given: then they are those for this law.
-    restitution : e of a blow on a part at rest, whose impulse is m v (1 + e); None if it is not
-        defined or < 0, loads act or the part moves.
+    There are no bars without "mesh", or without "law", unless the law was given: then they are
+    those for this law.
     """
 
+    #: quantity -> bar; "deflection", no member of the mapping: of the largest one of a held site
     bars: Mapping[str, ErrorBar]
-    energy_error: float
-    notes: tuple[str, ...] = ()
-    safety: float = 2.0
+    energy_error: float  #: share of strain errors in the strain energy, mean over the contact
+    notes: tuple[str, ...] = ()  #: errors that the bars do not include, and reasons for doubts
+    safety: float = 2.0  #: factor of the mesh's bars over the differences to the corrected model
+    #: what is not known -> why: a cause, with 0 in the bars; a quantity of unlike compared runs
     unknown: Mapping[str, str] = field(default_factory=dict)
+    #: e of a blow with the impulse m v (1 + e) on a part at rest; None if it is none or < 0
     restitution: float | None = None
 
     def __getitem__(self, name: str) -> ErrorBar:
