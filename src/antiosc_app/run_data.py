@@ -195,7 +195,7 @@ def run_of_model(model: LinearBody) -> RunData:
     """Data of a model alone: forces on its sites are inputs, their motions outputs."""
     body = scene_body("model", model, None)
     _refuse_coupled({"model": body})
-    if isinstance(model, Obstacle) or not body.B.size:
+    if isinstance(model, Obstacle) or not body.modes.B.size:
         raise InputError("an obstacle, or a model without a site, has no motion to export.")
     if body.stretch is not None:
         raise InputError(
@@ -203,15 +203,15 @@ def run_of_model(model: LinearBody) -> RunData:
             " impact, or extract it with stretch=False."
         )
     names = _column_names(body)
-    modes = BodyModes(body.omega, body.modes.decay, body.B.T, np.zeros(body.omega.size))
+    modes = BodyModes(body.omega, body.modes.decay, body.modes.B.T, np.zeros(body.omega.size))
     inputs = [Variable(f"{name}force".lstrip("."), "N", "force on the site") for name in names]
     outputs, variables = _site_outputs(names)
     return RunData(
-        system_of_bodies([modes], (), body.r),
+        system_of_bodies([modes], (), body.modes.R),
         (1.0, 1e-3, 0.0, 0.0, 0.0),
         1.0,
-        body.B.T.copy(),
-        body.r.copy(),
+        body.modes.B.T.copy(),
+        body.modes.R.copy(),
         np.zeros((1, len(names))),
         outputs,
         variables,
@@ -301,7 +301,7 @@ def _refuse_coupled(bodies: Mapping[str, SceneBody]) -> None:
 
 def _column_names(body: SceneBody, prefix: str = "") -> list[str]:
     """Prefixes of the outputs of a body's columns, as "tip.", "tip.1."; "" without any name."""
-    names = [""] * body.B.shape[1]
+    names = [""] * body.modes.B.shape[1]
     for site, columns in body.sites.items():
         for k, column in enumerate(columns):
             words = [word for word in (prefix, site, str(k) if k else "") if word]

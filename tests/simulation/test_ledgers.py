@@ -103,7 +103,7 @@ def test_bodies_between_the_nodes_move_by_their_equations(name: str) -> None:
         for body, found in hit.at(one.time).items():
             j, k = a.spans[body], a.columns[body]
             residual = forces[:, k] @ a.r[k, k]
-            way, speed = one.q[:, j] @ found.placed.B, one.v[:, j] @ found.placed.B
+            way, speed = one.q[:, j] @ found.placed.modes.B, one.v[:, j] @ found.placed.modes.B
             pairs = [
                 (found.q, one.q[:, j]),
                 (found.v, one.v[:, j]),
@@ -117,12 +117,12 @@ def test_bodies_between_the_nodes_move_by_their_equations(name: str) -> None:
                 ),
             ]
             for site, columns in found.placed.sites.items():
-                if len(columns) > 1 or not found.placed.B.size:
+                if len(columns) > 1 or not found.placed.modes.B.size:
                     continue
                 c = columns[0]
                 pairs.append((found.displacement(site), (way + residual)[:, c]))
                 pairs.append((found.velocity(site), speed[:, c]))
-                pairs.append((found.acceleration(site), at[:, j] @ found.placed.B[:, c]))
+                pairs.append((found.acceleration(site), at[:, j] @ found.placed.modes.B[:, c]))
             for mine, exact in pairs:
                 atol = 1e-8 * np.abs(exact).max(initial=1e-12)
                 np.testing.assert_allclose(mine, exact, rtol=0, atol=atol)

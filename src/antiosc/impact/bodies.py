@@ -539,9 +539,9 @@ class SceneBody:
     first_order_start: Array | None = None
 
     def __post_init__(self) -> None:
-        if self.directions is not None and not self.push_directions:
+        if self.modes.axes is not None and not self.push_directions:
             self.push_directions = {
-                site: self.directions[columns[0]] for site, columns in self.sites.items()
+                site: self.modes.axes[columns[0]] for site, columns in self.sites.items()
             }
 
     @property
@@ -557,16 +557,6 @@ class SceneBody:
         return self.modes.decay
 
     @property
-    def B(self) -> Array:
-        """Displacements (J, P) of all columns."""
-        return self.modes.B
-
-    @property
-    def r(self) -> Array:
-        """Residual compliance (P, P) of all columns."""
-        return self.modes.R
-
-    @property
     def sites(self) -> dict[str, tuple[int, ...]]:
         """The columns of each site; none of an obstacle, which does not move."""
         if isinstance(self.body, Obstacle):
@@ -574,19 +564,9 @@ class SceneBody:
         return self.modes.columns
 
     @property
-    def directions(self) -> Array | None:
-        """Unit vectors (P, 3) of the columns; None if unknown."""
-        return self.modes.axes
-
-    @property
     def inertia(self) -> Inertia | None:
         """Inertia of the body and momentum of its modes; None if unknown."""
         return self.modes.inertia
-
-    @property
-    def weight(self) -> Array | None:
-        """Modal forces of unit gravity: (J,) along its one coordinate, or (J, 3); or None."""
-        return self.modes.weight
 
     @property
     def info(self) -> ModelInfo:
@@ -600,8 +580,8 @@ class SceneBody:
 
     def site_directions(self, site: str) -> Array | None:
         """Directions (k, 3) of the first k columns of a site; None if they are unknown."""
-        if self.directions is not None:
-            return self.directions[list(self.sites[site])]
+        if self.modes.axes is not None:
+            return self.modes.axes[list(self.sites[site])]
         if site in self.site_axes:
             return self.site_axes[site][None]
         return None
@@ -615,7 +595,7 @@ class SceneBody:
     @property
     def supported(self) -> bool:
         """Whether no rigid-body mode moves a site; displacements are then from equilibrium."""
-        return not bool(np.any(self.B[self.omega == 0] != 0))
+        return not bool(np.any(self.modes.B[self.omega == 0] != 0))
 
     @property
     def grounded(self) -> bool:
@@ -624,7 +604,7 @@ class SceneBody:
         if isinstance(self.body, Obstacle) or not rigid.any():
             return True
 
-        weights = self.weight if self.inertia is None else self.inertia.momentum[:, :3]
+        weights = self.modes.weight if self.inertia is None else self.inertia.momentum[:, :3]
         if weights is None:
             return False
 
@@ -743,8 +723,8 @@ def _scene_body_of_rigid(name: str, body: RigidBody) -> SceneBody:
 def _initial_velocities(body: SceneBody, motion: Motion | float) -> Array:
     """Modal initial velocities (J,) of a rigid-body motion."""
     if not isinstance(motion, Motion):
-        one_coordinate = body.directions is None or body.inertia is None  # the speed along it
-        if not one_coordinate or body.B.shape[1] != 1:
+        one_coordinate = body.modes.axes is None or body.inertia is None  # the speed along it
+        if not one_coordinate or body.modes.B.shape[1] != 1:
             raise InputError(
                 f"body {body.name!r} moves in space: give its start as a Motion of velocity"
                 f" and spin, not as the number {motion!r}."

@@ -249,7 +249,7 @@ def _reference_body(assembly: Assembly, body: SceneBody, span: slice, n: int) ->
         return _ReferenceBody(body.omega, 0 * body.omega, 0 * body.omega, beta, load, v)
 
     assert inner.recurrence is not None
-    B = body.B
+    B = body.modes.B
     if B.shape[1] != len(inner.recurrence.k0):
         raise _refusal_of(f"sites that move independently, and those of {body.name!r} do not.")
     elastic = body.omega > 0

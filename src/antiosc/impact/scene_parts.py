@@ -291,7 +291,7 @@ class StackedBodies(NamedTuple):
 def stacked_bodies(bodies: Mapping[str, SceneBody]) -> StackedBodies:
     """Put the modes and columns of all bodies side by side."""
     modes = consecutive_slices([body.omega.size for body in bodies.values()])
-    sites = consecutive_slices([body.B.shape[1] for body in bodies.values()])
+    sites = consecutive_slices([body.modes.B.shape[1] for body in bodies.values()])
     spans, columns = (dict(zip(bodies, slices, strict=True)) for slices in (modes, sites))
     size, total = modes[-1].stop, sites[-1].stop
     B = np.zeros((size, total))
@@ -299,8 +299,8 @@ def stacked_bodies(bodies: Mapping[str, SceneBody]) -> StackedBodies:
     omega, decay, q, v = np.zeros((4, size))
     for name, body in bodies.items():
         span = spans[name]
-        B[span, columns[name]] = body.B
-        r[columns[name], columns[name]] = body.r
+        B[span, columns[name]] = body.modes.B
+        r[columns[name], columns[name]] = body.modes.R
         omega[span] = body.omega
         decay[span] = body.decay
         v[span] = body.start_velocities
@@ -338,7 +338,7 @@ def set_axes(
 ) -> None:
     """Give sites without a direction (`SceneBody.site_axes`) the direction of their contacts."""
     open_ends = [
-        [(body.name, at) for body, at in pair if body.sites[at] and body.directions is None]
+        [(body.name, at) for body, at in pair if body.sites[at] and body.modes.axes is None]
         for pair in ends
     ]
     links = [pair for pair in open_ends if len(pair) == 2]
@@ -353,7 +353,7 @@ def set_axes(
 
 def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> Array:
     """Row (P,) of a site's displacement along a direction; None: along its coordinate."""
-    row = np.zeros(body.B.shape[1])
+    row = np.zeros(body.modes.B.shape[1])
     columns = list(body.sites[site])
     if not columns:
         return row
@@ -371,7 +371,7 @@ def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> A
     ):
         remedy = (
             "which is that of another contact of this body of one coordinate; use a RigidBody"
-            if body.directions is None
+            if body.modes.axes is None
             else "as the model has it; extract it along the contact"
         )
         raise InputError(
@@ -420,7 +420,7 @@ def tangential_rows(
 ) -> list[Array]:
     """One or two rows (P,) of the tangential displacement of end b relative to end a."""
     movable_ends = [(body, site) for body, site in ends if body.sites[site]]
-    if direction is None or any(body.directions is None for body, _ in movable_ends):
+    if direction is None or any(body.modes.axes is None for body, _ in movable_ends):
         raise InputError(
             f"friction between {contact.a!r} and {contact.b!r} needs ends that move along the"
             f" surface too: a RigidBody, or a model with a tangential site."
@@ -428,7 +428,7 @@ def tangential_rows(
 
     across: list[Array] = []
     for body, site in movable_ends:
-        axes = body.directions
+        axes = body.modes.axes
         assert axes is not None
         for i in body.sites[site]:
             side = axes[i] - (axes[i] @ direction) * direction
@@ -449,9 +449,9 @@ def tangential_rows(
 
 def _motion_axis(body: SceneBody) -> Array | None:
     """Direction in space of a body with one coordinate; None for other bodies."""
-    if body.directions is not None and len(body.directions):
+    if body.modes.axes is not None and len(body.modes.axes):
         if body.inertia is None:
-            return body.directions[0]
+            return body.modes.axes[0]
         return None
     return next(iter(body.site_axes.values()), None)
 
@@ -536,7 +536,8 @@ def gravity_load(body: SceneBody, gravity: Array | float) -> Array | None:
 
 def _check_ground_direction(body: SceneBody, ground_motion: Array) -> None:
     """InputError if the ground (K, 3) moves perpendicular to the only direction of a body."""
-    if body.inertia is not None or body.weight is None or body.weight.ndim == 2:
+    weight = body.modes.weight
+    if body.inertia is not None or weight is None or weight.ndim == 2:
         return
     axis = _motion_axis(body)
     if axis is None or ground_motion.shape[1] != 3:
@@ -559,25 +560,26 @@ def _unit_loads(body: SceneBody, vector: bool) -> Array:
     if vector and body.inertia is not None:
         return body.inertia.momentum[:, :3]
 
-    if body.weight is not None and body.weight.ndim == 2:
+    weight = body.modes.weight
+    if weight is not None and weight.ndim == 2:
         if vector:
-            return body.weight
+            return weight
         axes = np.unique(np.round(list(body.push_directions.values()), 9), axis=0)
         if len(axes) == 1:
-            return np.asarray(body.weight @ axes[0])[:, None]
+            return np.asarray(weight @ axes[0])[:, None]
         raise InputError(
             f"{body.name!r} is pushed along several directions: give gravity, or the motion of the "
             "ground, as a vector."
         )
 
-    if body.weight is None:
+    if weight is None:
         raise InputError(
             f"gravity or the ground's motion on {body.name!r} needs what its motion carries:"
             f" extract the model anew, give its participation or inertia"
             + (", or a vector where the body moves in space." if body.inertia is not None else ".")
         )
     if not vector:
-        return body.weight[:, None]
+        return weight[:, None]
     axis = _motion_axis(body)
     if axis is None:
         raise InputError(
@@ -585,4 +587,4 @@ def _unit_loads(body: SceneBody, vector: bool) -> Array:
             f" (an extracted model, a RigidBody); else give gravity as a number."
         )
 
-    return body.weight[:, None] * axis
+    return weight[:, None] * axis

@@ -91,7 +91,7 @@ def curved_force_change(history: RunHistory, name: str) -> float:
     motion = sampled_motion(history, body.omega)[:, history.assembly.spans[name]]
     changes = []
     for site, share in shares.items():
-        u = share * (motion @ body.B[:, body.sites[site][0]])
+        u = share * (motion @ body.modes.B[:, body.sites[site][0]])
         changes.append(float(u[np.argmax(np.abs(u))]))
 
     return max(changes, key=abs)

@@ -273,23 +273,23 @@ class BodyHistory(ReprMixin):
 
     def velocity(self, site: str = "", direction: ArrayLike | None = None) -> Array:
         """Velocity (n,) [m/s] of a site, without its massless residual part."""
-        return np.asarray(self.v @ (self.placed.B @ self._row(site, direction)))
+        return np.asarray(self.v @ (self.placed.modes.B @ self._row(site, direction)))
 
     def acceleration(self, site: str = "", direction: ArrayLike | None = None) -> Array:
         """Acceleration (n,) [m/s^2] of a site relative to the ground, without its massless part.
 
         It may jump where a contact touches or parts.
         """
-        return np.asarray(self.a @ (self.placed.B @ self._row(site, direction)))
+        return np.asarray(self.a @ (self.placed.modes.B @ self._row(site, direction)))
 
     @property
     def momentum(self) -> Array:
         """Momentum [kg m/s]: (n, 3) of a body that moves in space, else (n,) along its axis."""
         if self.placed.inertia is not None:
             return np.asarray(self.v @ self.placed.inertia.momentum[:, :3])
-        if self.placed.weight is None:
+        if self.placed.modes.weight is None:
             raise InputError(f"the model of {self.placed.name!r} does not know what it carries.")
-        return np.asarray(self.v @ self.placed.weight)
+        return np.asarray(self.v @ self.placed.modes.weight)
 
     def angular_momentum(self, about: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
         """Angular momentum (n, 3) [kg m^2/s] about a point of the undeformed scene."""
