@@ -1,5 +1,14 @@
 """Errors and warnings: `antiosc.errors.InputError`."""
 
-from antiosc.base import lazily
-
-__all__, __getattr__, __dir__ = lazily.door(__file__)
+from antiosc.base.errors import (
+    AccuracyError as AccuracyError,
+    AccuracyWarning as AccuracyWarning,
+    AntioscError as AntioscError,
+    AntioscWarning as AntioscWarning,
+    InputError as InputError,
+    MeshError as MeshError,
+    MissingDependencyError as MissingDependencyError,
+    NotConvergedError as NotConvergedError,
+    NotDifferentiableError as NotDifferentiableError,
+    OutOfMemoryError as OutOfMemoryError,
+)

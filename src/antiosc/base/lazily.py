@@ -29,8 +29,9 @@ MESHED = (
 
 @cache
 def names_in_stub(module: str) -> dict[str, str]:
-    """Name -> module that defines it, read from the stub (.pyi) beside a module's file."""
+    """Name -> module that defines it, read from a module's file or the stub (.pyi) beside it."""
     stub = Path(module).with_suffix(".pyi")
+    stub = stub if stub.exists() else stub.with_suffix(".py")
     names: dict[str, str] = {}
     for source, imported in re.findall(_IMPORT, stub.read_text(encoding="utf-8")):
         if source == "antiosc":  # its namespaces

@@ -284,11 +284,6 @@ def platform() -> str:
 library = load()
 
 
-def _doubles(*arrays: Array) -> list[Array]:
-    """The arrays as C reads them."""
-    return [np.ascontiguousarray(array, dtype=float) for array in arrays]
-
-
 def address(values: NDArray[np.generic]) -> int:
     """Address of the numbers of an array; three times as fast as NumPy's `ctypes`."""
     try:
@@ -303,7 +298,8 @@ def responses(omega: Array, decay: Array | float, t: Array | float) -> Array:
     q = P q0 + S v0 + J0 f, v = W v0 - omega^2 S q0 + S f; J1 and J2 are the displacements under
     modal forces that grow as t and as t^2/2. Small omega t and decay t cause no cancellation.
     """
-    arrays = _doubles(*np.broadcast_arrays(omega, decay, t))
+    same = np.broadcast_arrays(omega, decay, t)
+    arrays = [np.ascontiguousarray(array, dtype=float) for array in same]
     responses_out = np.empty((6, *arrays[0].shape))
     library.aom_responses(arrays[0].size, *map(address, arrays), 1, address(responses_out))
     return responses_out
@@ -311,7 +307,7 @@ def responses(omega: Array, decay: Array | float, t: Array | float) -> Array:
 
 def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Array:
     """Integral [N s] and peak [N] of column `row` of forces over spans (C, 2) of steps: (C, 2)."""
-    time, force = _doubles(time, force)
+    time, force = (np.ascontiguousarray(array, dtype=float) for array in (time, force))
     steps = np.ascontiguousarray(spans, dtype=np.int64)
     peaks_out = np.empty((len(spans), 2))
     addresses = (address(array) for array in (steps, peaks_out))

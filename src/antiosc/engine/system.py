@@ -282,7 +282,14 @@ class PackedSystem:
             contact.law = law
             contact.slowest = max(LEAST_SPEED_SHARE * contact.expected_speed, s.least_speed)
 
-        self.states = [] if s.contact_states is None else self._continue(s.contact_states, s.laws)
+        self.states: list[Array] = []  # of contacts that go on; they must stay in memory
+        for c, earlier in enumerate(s.contact_states or ()):
+            if earlier is not None:
+                origin = s.laws[c].origin(earlier.state)
+                self.states.append(np.array([*earlier.state, origin, 0.0], dtype=float))
+                self.contacts[c].state = library.address(self.states[-1])
+                self.contacts[c].closed = earlier.closed
+
         self.tensors = [np.ascontiguousarray(x) for x in (s.quadratic, s.cubic) if x is not None]
         stretch = 0 if s.cubic is None else len(s.cubic), *map(library.address, self.tensors)
         self.system = library.CSystem(
@@ -298,20 +305,6 @@ class PackedSystem:
             gamma,
             *stretch,
         )
-
-    def _continue(
-        self, contact_states: Sequence[ContactState | None], laws: Sequence[ContactLaw]
-    ) -> list[Array]:
-        """Set the contact states of an earlier run; returns the arrays that must stay in memory."""
-        states = []
-        for contact, earlier, law in zip(self.contacts, contact_states, laws, strict=True):
-            if earlier is not None:
-                state = np.array([*earlier.state, law.origin(earlier.state), 0.0], dtype=float)
-                contact.state = library.address(state)
-                contact.closed = earlier.closed
-                states.append(state)
-
-        return states
 
     def raise_law_error(self) -> None:
         """Raise the error of a law that is written in Python, if one failed."""

@@ -22,7 +22,7 @@ from antiosc.engine.contact import ContactLaw
 from antiosc.engine.law_tables import packed_law, raise_error
 from antiosc.engine.system import CONTACT_RECORD, System
 from antiosc.impact import scene_parts
-from antiosc.impact.bodies import SceneBody, scene_body, stacked_first_order
+from antiosc.impact.bodies import Obstacle, SceneBody, scene_body, stacked_first_order
 from antiosc.impact.scene_parts import Contact, SceneParts
 from antiosc.models.stretch import Stretch
 
@@ -233,16 +233,17 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     bodies = {n: scene_body(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
     stacked = scene_parts.stacked_bodies(bodies)
     find = scene_parts.find_site
-    ends = []
-    for contact in scene.contacts:
-        ends.append((find(contact.a, bodies), find(contact.b, bodies)))
+    ends = [(find(contact.a, bodies), find(contact.b, bodies)) for contact in scene.contacts]
     scene_parts.set_axes(ends, bodies)
     normal = []
     tangents = []
     gap = []
     tangential: list[Array] = []
     for contact, (a, b) in zip(scene.contacts, ends, strict=True):
-        row, direction = scene_parts.contact_row(contact, (a, b), stacked)
+        if all(isinstance(body.body, Obstacle) for body, _ in (a, b)):
+            raise InputError(f"both ends, {contact.a!r} and {contact.b!r}, are obstacles.")
+        direction = scene_parts.contact_direction(a, b)
+        row = scene_parts.relative_row(contact, (a, b), direction, stacked)
         sides = []
         if contact.friction > 0:
             sides = scene_parts.tangential_rows(contact, (a, b), direction, stacked)

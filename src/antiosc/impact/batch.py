@@ -285,7 +285,8 @@ def _result_of(
     peak_force, impulse, contact_time, restitution, closed, steps = numbers
     if peak_force > law.valid_force:
         doubts = [*info_of(scene.model).get("doubts", ()), *_blow_doubts(scene)]
-        return _failed_result(range_error(law, peak_force, pair.structure.patch_radius, doubts))
+        failure = range_error(law, peak_force, pair.structure.patch_radius, doubts)
+        return _SceneResult(STOPPED, str(failure), failure=failure)
     return _SceneResult(
         status=status,
         message=message,
@@ -329,12 +330,7 @@ def _solve_single(
                 warnings_text=" ".join(sentences),
             )
     except AntioscError as error:
-        return _failed_result(error)
-
-
-def _failed_result(error: AntioscError) -> _SceneResult:
-    """The result of a scene that failed with this error."""
-    return _SceneResult(STOPPED, str(error), failure=error)
+        return _SceneResult(STOPPED, str(error), failure=error)
 
 
 @checks.within_range

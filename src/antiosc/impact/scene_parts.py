@@ -388,17 +388,7 @@ def contact_direction(a: ContactEnd, b: ContactEnd) -> Array | None:
     return a[0].push_directions.get(a[1], b[0].push_directions.get(b[1]))
 
 
-def contact_row(
-    contact: Contact, ends: tuple[ContactEnd, ContactEnd], stacked: StackedBodies
-) -> tuple[Array, Array | None]:
-    """Row (P,) of the indentation, and the direction of the contact in space or None."""
-    if all(isinstance(body.body, Obstacle) for body, _ in ends):
-        raise InputError(f"both ends of the contact {contact.a!r}, {contact.b!r} are obstacles.")
-    direction = contact_direction(*ends)
-    return _relative_row(contact, ends, direction, stacked), direction
-
-
-def _relative_row(
+def relative_row(
     contact: Contact,
     ends: tuple[ContactEnd, ContactEnd],
     direction: Array | None,
@@ -437,7 +427,7 @@ def tangential_rows(
             if np.linalg.norm(side) > 0.5:
                 across.append(side / np.linalg.norm(side))
 
-    rows = [_relative_row(contact, ends, side, stacked) for side in across[:2]]
+    rows = [relative_row(contact, ends, side, stacked) for side in across[:2]]
     if not rows:
         raise InputError(
             f"friction between {contact.a!r} and {contact.b!r} needs a site with tangential"

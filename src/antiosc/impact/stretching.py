@@ -104,13 +104,12 @@ class StretchedMotion:
         return self.stretch.turned(turn, self.omega)
 
 
-def motion_of(history: History, name: str) -> StretchedMotion | None:
-    """The motion of a body in a linear run; None for a body without second-order forces."""
+def motion_of(history: History, name: str) -> StretchedMotion:
+    """The motion of a body with second-order forces in a linear run."""
     a = history.assembly
     body = history.assembly.bodies[name]
     forces = body.stretch
-    if forces is None:
-        return None
+    assert forces is not None
 
     span = a.spans[name]
     columns = a.columns[name]
@@ -128,8 +127,8 @@ def motion_of(history: History, name: str) -> StretchedMotion | None:
 def with_stretch(linear: H, integrate: IntegrateAssembly[H], tol: float) -> tuple[H, str]:
     """(linear run, or its repeat with second-order forces unless small; a warning or "")."""
     a = linear.assembly
-    every_motion = {name: motion_of(linear, name) for name in a.bodies}
-    motion_by_body = {name: motion for name, motion in every_motion.items() if motion is not None}
+    stretching = [name for name, body in a.bodies.items() if body.stretch is not None]
+    motion_by_body = {name: motion_of(linear, name) for name in stretching}
     force = largest_force(linear)
     fixed = not any(motion.stretch.count == "auto" for motion in motion_by_body.values())
     if not fixed and max(motion.change for motion in motion_by_body.values()) <= NEGLIGIBLE_SHARE:

@@ -309,31 +309,28 @@ def too_few_text_of_run(hit: History, rerun: RunOnModel, tol: float) -> str:
 def warn_too_few(hit: History, rerun: Callable[[dict[str, object]], History]) -> None:
     """Warn of each body for which half as many anti-oscillators change a peak force too much."""
     scene = hit.assembly.scene
-    contacts = hit.contact_histories
-    ends = [{end.partition(":")[0] for end in contact.ends} for contact in contacts]
-    struck = set().union(
-        *(names for names, one in zip(ends, contacts, strict=True) if one.contacts)
-    )
-    reduced = {name: body for name in struck if is_reduced(body := scene.bodies[name])}
-    coarse: dict[str, object] = {}
+    touched = [contact for contact in hit.contact_histories if contact.contacts]
+    struck = {end.partition(":")[0] for contact in touched for end in contact.ends}
+    reduced: dict[str, AntiOscillators] = {}
 
-    for name, body in reduced.items():
+    for name in struck:
+        body = scene.bodies[name]
         given = isinstance(scene.motion.get(name), ModalState)  # in all modes of the body
-        if body.stretch is None and not given:
-            coarse[name] = halved_model(body)
+        if is_reduced(body) and body.stretch is None and not given:
+            reduced[name] = body
 
-    if not coarse:
+    if not reduced:
         return
 
     with without_warnings():
-        other = rerun({**scene.bodies, **coarse})
+        other = rerun({**scene.bodies, **{n: halved_model(body) for n, body in reduced.items()}})
 
-    for names, contact, heavier in zip(ends, contacts, other.contact_histories, strict=True):
-        changed = sorted(names.intersection(coarse))
-        force = contact.peak_force
-        if not changed or not contact.contacts:
+    for contact in touched:
+        changed = sorted({end.partition(":")[0] for end in contact.ends} & reduced.keys())
+        if not changed:
             continue
-        change = abs(heavier.peak_force - force) / force if force else 0.0
+        force = contact.peak_force
+        change = abs(other[contact.ends].peak_force - force) / force if force else 0.0
         if sentence := too_few_text(reduced[changed[0]].n, change):
             bodies, of = (" and ".join(map(repr, pair)) for pair in (changed, contact.ends))
             warn(f"{bodies} in the contact of {of}: {sentence}", AccuracyWarning)

@@ -133,9 +133,8 @@ def impact_map(
     stress : bool or int
         Whether to seek the largest von Mises stress anywhere in the part for the blow at each site,
         as `peak_field` does for one impact: 0.3 s a site for 33 000 dofs. A number: at no more than
-        so many sites that are not doubtful, the one with the largest force and others as far from
-        each other as possible. Of solids three radii of a contact that yields are left out. The
-        material's `yield_strength` makes a share of the strength of it.
+        so many sites that are not doubtful and far from each other. Of solids three radii of a
+        contact that yields are left out.
     most_sites : int, optional
         At most so many vertices of each group or part are sites, as far from each other as
         possible. Default: all.
@@ -186,9 +185,10 @@ def impact_map(
         band = min(excited, float(omega[-1]) / BAND_FACTOR)
     band = DEFAULT_BAND_SHARE * float(omega[-1]) if band is None else band
     if band >= omega[-1]:
+        asked, last = (engineering(w / (2 * math.pi), "Hz") for w in (band, omega[-1]))
         raise InputError(
-            f"the band {_frequency_text(band)} must end below the last of {len(omega)} free modes,"
-            f" {_frequency_text(omega[-1])}: ask for more modes, or lower the band, which is in Hz."
+            f"the band {asked} must end below the last of {len(omega)} free modes, {last}: ask for"
+            " more modes, or lower the band, which is in Hz."
         )
 
     with doing(f"models of {len(sites)} sites"):
@@ -262,11 +262,6 @@ def _laws_and_exceptions(
             ready(i + 1)
 
     return laws, {EDGE_STRUCK: sharp, NARROW_HOLLOW: hollow, PIERCED_PART: pierced}
-
-
-def _frequency_text(omega: float) -> str:
-    """A circular frequency [rad/s] as text in Hz."""
-    return engineering(omega / (2 * math.pi), "Hz")
 
 
 def _reduced_sites(

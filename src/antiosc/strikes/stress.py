@@ -147,14 +147,13 @@ def divided(structure: Structure, refine: Sequence[Refinement]) -> Structure:
 
 def struck_again(hit: History, structure: Structure, model: AntiOscillators) -> History:
     """The same blow on the model of another mesh, by the same law."""
-    return second_order.simulated(structure, model, partial(_impact_on_model, hit))
 
+    def on_model(model: AntiOscillators) -> History:
+        if hit.named:
+            return hit.again(model={"structure": model})
+        return hit.again(model=model, law=hit.law)
 
-def _impact_on_model(hit: History, model: AntiOscillators) -> History:
-    """The same blow on another model, by the same law."""
-    if hit.named:
-        return hit.again(model={"structure": model})
-    return hit.again(model=model, law=hit.law)
+    return second_order.simulated(structure, model, on_model)
 
 
 def stress_bar(field: PeakField) -> tuple[float, float]:

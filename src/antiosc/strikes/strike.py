@@ -140,12 +140,10 @@ def strike(
     Returns
     -------
     History
-        The history on the last mesh and its corrected model, which is nearer to the truth: the bars
-        of the mesh are those of `simulate` minus the correction. For shells it is the raw model.
-        `error_budget` is known, `model.info["strike"]` lists the meshes. Sheets with a large
-        deflection have second-order forces, as for `extract(…, stretch="auto")`. Status 1 and a
-        sentence in the message if the budget exceeds `tol`, with the cost of meeting it, or if the
-        share of the beam model exceeds it.
+        The history on the last mesh and its corrected model (of shells the raw one), with
+        `error_budget`; `model.info["strike"]` lists the meshes. Sheets with a large deflection have
+        second-order forces, as for `extract(…, stretch="auto")`. Status 1 and a sentence in the
+        message if the budget exceeds `tol`, with the cost of meeting it.
 
     Raises
     ------

@@ -395,7 +395,8 @@ class ComputedMember:
     def unreduced(self, outcome: MethodOutcome, finest: History) -> TradeoffMember:
         """The member of the unreduced model on the same mesh."""
         numbers = curve_results(outcome.curve)
-        stored_bytes = _matrix_bytes(self.answer.structure)
+        K = self.answer.structure.K
+        stored_bytes = 0.0 if uses_cells(K) else BYTES_PER_MATRIX_ENTRY * stored_entries(K)
         return replace(
             self.member,
             method=UNREDUCED_METHOD,
@@ -440,11 +441,6 @@ def _member_with_n(
     return ComputedMember(answer, mesh.site, member_of(answer))
 
 
-def _matrix_bytes(structure: Structure) -> float:
-    """Number of bytes that K and M take."""
-    return 0.0 if uses_cells(structure.K) else BYTES_PER_MATRIX_ENTRY * stored_entries(structure.K)
-
-
 def member_of(answer: MeshAnswer) -> TradeoffMember:
     """The member of the trade-off for a result on one mesh."""
     structure = answer.structure
@@ -452,6 +448,8 @@ def member_of(answer: MeshAnswer) -> TradeoffMember:
     mesh = matrices.mesh
     solver = structure.factorize()
     cost = solver.cost or cost_of_factor(getattr(solver, "entries", 0.0), 1.0)
+    K = structure.K
+    stored_bytes = 0.0 if uses_cells(K) else BYTES_PER_MATRIX_ENTRY * stored_entries(K)
     integrand = compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 1)
     volume = compat.integrate(integrand, mesh.dolfinx)
     seconds = structure.seconds["assembly"] + answer.seconds
@@ -469,7 +467,7 @@ def member_of(answer: MeshAnswer) -> TradeoffMember:
         proved=proved,
         step=answer.hit.step,
         seconds=max(structure.comm.allgather(seconds)),
-        gigabytes=(_matrix_bytes(structure) + cost.bytes) / 1e9,
+        gigabytes=(stored_bytes + cost.bytes) / 1e9,
         peak_force=answer.hit.peak_force,
         bar=answer.budget.numerical,
         bars={name: answer.budget[name].numerical for name in QUANTITIES},

@@ -1,24 +1,18 @@
 """Contact laws: powers of the indentation with or without damping, and laws that yield.
 
-Powers F = k delta^n are Hertz's, linear, or of any exponent, elastic or with damping. The damping
-grows with the indentation: F = k delta^n (1 + d delta'/v0) >= 0. v0 is the speed of approach of the
-present contact and d follows from a coefficient of restitution e. For two free rigid bodies the
-motion has the first integral d (1 + e') = ln[(1 + d)/(1 - d e')] between d and the ratio e' of
-parting and closing speed, whatever k, n and the masses; among the laws here only Gonthier's returns
-e itself. In chatter v0 -> 0 and d/v0 would grow without bound: v0 is kept above
-1 % of the fastest approach so far.
+Powers F = k delta^n may be damped: F = k delta^n (1 + d delta'/v0) >= 0. v0 is the speed of
+approach of the present contact (1 % of the fastest so far, at least) and d follows from a
+coefficient of restitution e. For two free rigid bodies the motion has the first integral
+d (1 + e') = ln[(1 + d)/(1 - d e')] between d and the ratio e' of parting and closing speed,
+whatever k, n and the masses; among the laws here only Gonthier's returns e itself.
 
-Of laws with a permanent indentation, loading, unloading and reloading follow different curves. All
-have one form. Virgin loading follows F_l(delta). Unloading from a turning point (delta_t, F_t)
-falls to the permanent indentation delta_p of the deepest indentation delta_m so far,
+Laws with a permanent indentation have one form. Virgin loading follows F_l(delta). Unloading from a
+turning point (delta_t, F_t) falls to the permanent indentation delta_p of the deepest one delta_m,
 
     F = F_t U((delta - delta_p)/(delta_t - delta_p)),
 
-and reloading, up to (delta_m, F_m), climbs F = F_m V((delta - delta_p)/(delta_m - delta_p)). Where
-U = V reloading goes back along the unloading curve. Once the bodies have parted, the next contact
-reloads from delta_p.
-
-`Tabulated` has such curves from measurements.
+and reloading, up to (delta_m, F_m), climbs F = F_m V((delta - delta_p)/(delta_m - delta_p)). Once
+the bodies have parted, the next contact reloads from delta_p.
 """
 
 from __future__ import annotations
@@ -425,10 +419,8 @@ class Thornton(Hysteretic):
     """Elastic, perfectly plastic sphere. C. Thornton, J. Appl. Mech. 64 (1997) 383-386.
 
     For comparison only: against finite elements (benchmarks/elastoplastic) the force with a yield
-    pressure of 1.6 Y is 19, 42, 57, 66, 72 % low at 3, 10, 30, 100, 300 yield indentations, and
-    restitution up to 0.18; with 2.8 Y the force is 6, -7, -27, -42, -52 % off. The pressure is
-    fixed and the squared contact radius stays delta R; both grow. `ElasticPlastic` includes this
-    growth.
+    pressure of 1.6 Y is 19, 42, 57, 66, 72 % low at 3, 10, 30, 100, 300 yield indentations; with
+    2.8 Y it is 6, -7, -27, -42, -52 % off: pressure and contact area grow, as in `ElasticPlastic`.
 
     Hertz's law up to the yield indentation; beyond, the pressure is cut off and the force goes on
     along the tangent; unloading is Hertzian with the flattened radius R F_e/F_m, F_e being Hertz's

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from antiosc.base import checks
-from antiosc.base._types import Array, ArrayLike, Index
+from antiosc.base._types import Array, ArrayLike
 from antiosc.base.errors import InputError
 from antiosc.engine.march import Run
 from antiosc.impact.assembly import Assembly
@@ -73,7 +73,7 @@ class RunHistory(OneContact):
     @cached_property
     def bodies(self) -> dict[str, BodyHistory]:
         """Histories of the bodies by name, at the nodes."""
-        run = self._run_at_nodes
+        run = self._record.nodes
         a = self.assembly
         q, v = node_states(run, a.system)
         return self._bodies(run.time, q, v, run.force)
@@ -81,7 +81,7 @@ class RunHistory(OneContact):
     @cached_property
     def energy(self) -> Energy:
         """Energies of all bodies and contacts, and their drift; `gravity`: work of all loads."""
-        return energy_balance(self.assembly, self._run_at_nodes)
+        return energy_balance(self.assembly, self._record.nodes)
 
     @property
     def details(self) -> list[str]:
@@ -151,7 +151,8 @@ class RunHistory(OneContact):
 
     def force_at(self, t: ArrayLike) -> Array:
         """Contact force [N] at times (n,): the parabolas between the nodes."""
-        return np.maximum(contact_forces(self.run, *self._step_and_time(t))[:, self._row], 0.0)
+        steps = steps_at(self.run, self._times_in_run(t))
+        return np.maximum(contact_forces(self.run, *steps)[:, self._row], 0.0)
 
     # -- at any time
 
@@ -165,8 +166,8 @@ class RunHistory(OneContact):
 
     def states(self, t: ArrayLike) -> tuple[Array, Array]:
         """Modal displacements and velocities (n, J) of all bodies, concatenated, at times (n,)."""
-        a = self.assembly
-        return modal_states(self.run, a.system, *self._step_and_time(t))
+        steps = steps_at(self.run, self._times_in_run(t))
+        return modal_states(self.run, self.assembly.system, *steps)
 
     def coordinates(self, t: ArrayLike, body: str = "structure") -> Array:
         """The coordinates of a body's model: lambda_0 ... lambda_N for `AntiOscillators`.
@@ -233,10 +234,6 @@ class RunHistory(OneContact):
         return SceneRun(self.assembly, self.run, not self.named, self.enclosures)
 
     @property
-    def _run_at_nodes(self) -> Run:
-        return self._record.nodes
-
-    @property
     def _row(self) -> int:  # type: ignore[override]
         """Row of the only contact in the system."""
         if len(self.assembly.laws) > 1:
@@ -268,7 +265,7 @@ class RunHistory(OneContact):
     def _sites(self) -> Array:
         """Displacements and velocities of both ends of the only contact, along it: (4, n)."""
         a = self.assembly
-        run = self._run_at_nodes
+        run = self._record.nodes
         rows = np.zeros((len(a.r), 2))
         for i, body in enumerate(self._ends):
             columns = a.columns[body.name]
@@ -323,9 +320,6 @@ class RunHistory(OneContact):
             )
 
         return histories
-
-    def _step_and_time(self, t: ArrayLike) -> tuple[Index, Array]:
-        return steps_at(self.run, self._times_in_run(t))
 
     def _times_in_run(self, t: ArrayLike) -> Array:
         """Checked times (n,) within the run; InputError for others."""

@@ -42,10 +42,12 @@ class SavableResults(ReprMixin):
 
         InputError where the file cannot be written.
         """
+        import csv  # loaded where it is used
+
         target = checks.path("path", path)
         table = self.columns()
         stream = io.StringIO()
-        stream.write(",".join(_csv_quoted(name) for name in table) + "\n")
+        csv.writer(stream, lineterminator="\n").writerow(map(files.table_text, table))
         np.savetxt(stream, np.column_stack(list(table.values())), fmt="%.17g", delimiter=",")
         files.write_text(target, stream.getvalue(), "the table")
 
@@ -152,11 +154,3 @@ class SavedHistory(SavableResults):
         names = [name.rpartition(" (")[0] for name in self.table]
         rows = [("of", self.kind), ("series", ", ".join(names))]
         return [*rows, *((k, f"{v}") for k, v in self.results.items() if k == "peak_force")]
-
-
-def _csv_quoted(name: str) -> str:
-    """A column name, quoted for CSV if necessary."""
-    name = files.table_text(name)
-    if any(c in name for c in ',"\n\r'):
-        return '"' + name.replace('"', '""') + '"'
-    return name
