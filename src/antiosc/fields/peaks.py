@@ -36,7 +36,7 @@ from antiosc.fields.fields import outer_faces, shapes_of, tensors_at_nodes, with
 from antiosc.fields.margin import ExcludedZones, Margin, NodalExposures
 from antiosc.fields.maxima import MaximumSearch, ScalarFunction, search_at_times, search_of
 from antiosc.impact.histories import History
-from antiosc.impact.histories.factors import AnyHistory, checked_times, shape_factors
+from antiosc.impact.histories.factors import checked_times, shape_factors
 from antiosc.impact.histories.parts import BodyHistory
 from antiosc.impact.histories.verdict import ContactZone, contact_zones, does_yield
 from antiosc.io.neutral import CELL_KINDS
@@ -350,7 +350,11 @@ def peak_field(
     points, cells, best = structure.comm.bcast((points, cells, best), root=0)
     if quantity in ("von_mises", "stress", "tension"):
         peak_times = np.where(best.values > 0, best.times, instants[-1])
-        errors = _mesh_error(structure, shapes, part, history, peak_times, body)
+        from antiosc.recovery.mesh_fields import stress_jumps  # needs dolfinx
+
+        moments, number = np.unique(peak_times, return_inverse=True)
+        factors = shape_factors(history, moments, body)[number.ravel()]
+        errors = stress_jumps(structure, shapes, factors, part)
         best.mesh_error = structure.comm.bcast(errors, root=0)
 
     # the worst point
@@ -455,22 +459,6 @@ def _peak_field_of(
     exposures = best.exposure if best.exposure.any() else None
     of_values = points[used], best.values, best.times, numbered, best.error
     return PeakField(quantity, unit, *of_values, exposures, best.mesh_error), best
-
-
-def _mesh_error(
-    structure: Structure,
-    shapes: Array,
-    part: str | None,
-    history: AnyHistory,
-    times: Array,
-    body: str,
-) -> Array | None:
-    """Estimated mesh error (P,) [Pa] of von Mises stress at each point's time, on rank 0."""
-    from antiosc.recovery.mesh_fields import stress_jumps  # needs dolfinx
-
-    instants, number = np.unique(times, return_inverse=True)
-    factors = shape_factors(history, instants, body)[number.ravel()]
-    return stress_jumps(structure, shapes, factors, part)
 
 
 def _excluded_zones(

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MeshError, PiecesError, UnmeshableError
 from antiosc.base.texts import piece_text, printable
 from antiosc.io.by_gmsh import (
@@ -326,19 +325,15 @@ def piece_of_cells(raw: RawMesh) -> IntArray:
     if len(pieces) == 1:
         return piece_index
 
-    size = np.bincount(piece_index, _relative_measures(raw))
+    # length, area or volume of cells up to a common factor, by the corners' covariance
+    x = raw.points[raw.cells[:, : raw.kind.vertices]]
+    x = x - x.mean(axis=1, keepdims=True)
+    squares = np.linalg.eigvalsh(x.transpose(0, 2, 1) @ x)[:, -raw.kind.dim :]
+    size = np.bincount(piece_index, np.sqrt(np.maximum(squares, 0.0)).prod(axis=1))
     steps = np.rint(size / (DISTINCT_VOLUME * size.max()))
     rank = np.empty(len(pieces), dtype=np.int64)
     rank[np.argsort(-steps, kind="stable")] = np.arange(len(pieces))
     return rank[piece_index]
-
-
-def _relative_measures(raw: RawMesh) -> Array:
-    """Length, area or volume (cells,) up to a common factor, by the corners' covariance."""
-    x = raw.points[raw.cells[:, : raw.kind.vertices]]
-    x = x - x.mean(axis=1, keepdims=True)
-    squares = np.linalg.eigvalsh(x.transpose(0, 2, 1) @ x)[:, -raw.kind.dim :]
-    return np.sqrt(np.maximum(squares, 0.0)).prod(axis=1)
 
 
 def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:

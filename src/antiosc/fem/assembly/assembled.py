@@ -367,7 +367,13 @@ def reduced_matrices(
     M = as_petsc("M", _projected(T, blocks, added.M), layout)
 
     if any(uses_strains(part.K) for part in parts.values()):
-        K.setAttr(PRODUCT_KEY, _stiffness_operator(layout, T, small.tocsr()))
+        transposed, added_K = T.T.tocsr(), small.tocsr()
+
+        def product(q: Array) -> Array:
+            forces = product_by_parts(layout, lambda part, u: multiply(part.K, u), T @ q)
+            return np.asarray(transposed @ forces + added_K @ q)
+
+        K.setAttr(PRODUCT_KEY, product)
     return K, M
 
 
@@ -417,17 +423,6 @@ def _projected(T: Sparse, K: Sparse, added: Sparse) -> Sparse:
     result.eliminate_zeros()
     result.sort_indices()
     return result
-
-
-def _stiffness_operator(layout: Layout, T: Sparse, small: Sparse) -> Callable[[Array], Array]:
-    """Function q (n, k) -> (Tᵀ K T + small) q, by the matrices K of the parts."""
-    transposed = T.T.tocsr()
-
-    def product(q: Array) -> Array:
-        forces = product_by_parts(layout, lambda part, u: multiply(part.K, u), T @ q)
-        return np.asarray(transposed @ forces + small @ q)
-
-    return product
 
 
 # -- places, from what a user gives

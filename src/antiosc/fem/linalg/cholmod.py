@@ -279,25 +279,22 @@ class Cholesky:
         """Number of entries of the factor."""
         return int(self._memory.factor.contents.xsize)
 
-    def _fronts(self) -> Array:
-        """Operations of the factorization of each supernode: Σ c² of its columns' entries c."""
-        factor = self._memory.factor.contents
-        count = factor.nsuper + 1
-        starts = (self._memory.array(p, count) for p in (factor.super, factor.pi))
-        width, height = (np.diff(start).astype(float) for start in starts)
-        squares = (width - 1) * width * (2 * width - 1) / 6
-        return np.asarray(width * height**2 - height * width * (width - 1) + squares)
-
     def factorized(self) -> Cholesky:
         """The same with L, without its copy of A; NotPositiveDefiniteError if there is none."""
         memory, common = self._memory, self._memory.common
         assert self._matrix is not None
 
-        with without_openmp(), blas_threads(self._fronts()):
+        # operations of each supernode: Σ c² of its columns' entries c
+        factor = memory.factor.contents
+        starts = (memory.array(p, factor.nsuper + 1) for p in (factor.super, factor.pi))
+        width, height = (np.diff(start).astype(float) for start in starts)
+        squares = (width - 1) * width * (2 * width - 1) / 6
+        fronts = width * height**2 - height * width * (width - 1) + squares
+
+        with without_openmp(), blas_threads(fronts):
             arguments = byref(self._matrix), memory.factor, byref(common)
             succeeded = memory.lib.cholmod_l_factorize(*arguments)
 
-        factor = memory.factor.contents
         if not succeeded or not factor.is_super or not factor.x:
             what = f"the Cholesky factor of {factor.n} rows"
             raise call_error(common, what, 8.0 * factor.xsize)

@@ -479,7 +479,12 @@ class Faces(Entities):
         comm = self.mesh.comm
         count = len(points)
         mean = self.sizes
-        face, site, normal, gap = self._feet(points, radii)
+        face, site = self._pairs_within_radii(points, radii)
+        x, normal = self.across(face, foot_coordinates(self, face, points[site]))
+        gap = np.linalg.norm(x - points[site], axis=1)
+        near = gap <= radii[site]
+        face, site, normal, gap = face[near], site[near], normal[near], gap[near]
+
         depth = _least_over_ranks(comm, gap, site, count)
         facing = np.einsum("nd,nd->n", normal, directions[site])
 
@@ -510,14 +515,6 @@ class Faces(Entities):
             -_least_over_ranks(comm, -np.abs(height).max(axis=1, initial=0.0), site, count),
             np.where(np.isfinite(label), label, 0).astype(int),
         )
-
-    def _feet(self, points: Array, radii: Array) -> tuple[IntArray, IntArray, Array, Array]:
-        """(face, point, unit normal, distance) of the nearest places within the radii."""
-        face, point = self._pairs_within_radii(points, radii)
-        x, normal = self.across(face, foot_coordinates(self, face, points[point]))
-        gap = np.linalg.norm(x - points[point], axis=1)
-        near = gap <= radii[point]
-        return face[near], point[near], normal[near], gap[near]
 
     def _pairs_within_radii(self, points: Array, radii: Array) -> tuple[IntArray, IntArray]:
         """Pairs (face, point) that may be within the point's radius, by octaves of the radii."""

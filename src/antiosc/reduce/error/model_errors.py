@@ -226,8 +226,12 @@ class Projection:
         """Corner values, ghosts included, from this rank's `loads` (size, fields) ∫ f φ."""
         loads = compat.ghosts_added(self._space, loads)
         start = self._dot(loads, self._inverse * loads)
+
+        def mass_times(x: Array) -> Array:
+            return compat.ghosts_added(self._space, self._mass @ compat.with_ghosts(self._space, x))
+
         for x, residuals, _ in conjugate_gradients(
-            loads, self._mass_times, lambda r: self._inverse * r, self._dot, CG_STEPS
+            loads, mass_times, lambda r: self._inverse * r, self._dot, CG_STEPS
         ):
             if np.all(residuals <= CG_RESIDUAL**2 * start):
                 return compat.with_ghosts(self._space, x)
@@ -236,10 +240,6 @@ class Projection:
             f"the recovery of strains did not converge in {CG_STEPS} steps: the mesh has cells of"
             " nearly no volume; mesh the part anew, or leave the error out."
         )
-
-    def _mass_times(self, x: Array) -> Array:
-        """The mass matrix times `x` (size, fields)."""
-        return compat.ghosts_added(self._space, self._mass @ compat.with_ghosts(self._space, x))
 
     def _dot(self, x: Array, y: Array) -> Array:
         """Scalar products (fields,) of the columns of two arrays over all ranks."""
