@@ -85,12 +85,8 @@ class Support(FieldsRepr):
         given_places = [name for name, value in places.items() if value is not None]
         if len(given_places) > 1:
             raise InputError(f"a Support takes one of {', '.join(places)}; got {given_places}.")
-        regions = {
-            "near": ball_region,
-            "box": box_region,
-            "plane": plane_region,
-            "nodes": NumberedNodes.of,
-        }
+        regions = {"near": ball_region, "box": box_region, "plane": plane_region}
+        regions["nodes"] = NumberedNodes.of
         if given_places and given_places[0] in regions:
             store(self, where=regions[given_places[0]](places[given_places[0]]))
 

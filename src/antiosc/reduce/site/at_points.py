@@ -141,14 +141,7 @@ def _functional_without_mesh(
         )
 
     if site.radius is not None or site.tangential:
-        raise InputError(
-            f"the site {site.point!r} of a superelement has the patch and the directions with "
-            "which it was extracted: leave radius and tangential out."
-            if name
-            else f"the reference point {site.point!r} has no surface: leave radius and tangential "
-            "out, or give each direction a site of its own."
-        )
-
+        raise InputError(f"{site.point!r} has no surface: leave radius and tangential out.")
     if not end.has(np.append(direction, np.zeros(3))):
         raise InputError(
             f"the site {site.point!r} of a superelement does not move along the direction of "

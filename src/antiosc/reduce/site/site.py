@@ -230,17 +230,11 @@ def motions_without_mesh(
 
     matrices = cast("AssembledMatrices", structure.matrices)
     plane = matrices.layout.plane
-    rotated = quantity == "rotation"
-
-    names = ROTATIONS[2 * plane :] if rotated else DISPLACEMENTS[: 3 - plane]
+    names = ROTATIONS[2 * plane :] if quantity == "rotation" else DISPLACEMENTS[: 3 - plane]
     if not all(end.has(UNIT_MOTIONS[name]) for name in names):
         raise InputError(
-            f"the {quantity} of {name!r} is not known"
-            + (
-                ": a site of a superelement has displacements alone."
-                if rotated
-                else " along all axes: extract its model with a tangential site."
-            )
+            f"the {quantity} of {name!r} is not known along all axes: a site of a superelement has "
+            "displacements alone, across the impact if it was extracted with tangential."
         )
 
     return np.asarray(end.components(names) @ matrices.expanded(shapes))
