@@ -399,15 +399,11 @@ def reactions(
     released = ReleasedSupports(matrices, structure.supports)
     scene = history.assembly.scene
     if stretch_of_motion(history, body) is not None:
-        raise InputError(
-            "reactions of a part that stretches are not computed: extract without stretch."
-        )
+        raise InputError("no reactions of a part that stretches: extract without stretch.")
     if scene.base is not None:
         raise InputError("reactions under a moving ground (Base) are not implemented.")
     if np.any(scene.gravity) and structure.rigid_modes.shape[1]:
-        raise InputError(
-            "reactions under gravity of a part that its supports let slide are not implemented."
-        )
+        raise InputError("no reactions under gravity of a part that can slide on its supports.")
 
     solver = structure.factorize(released.pulled.shape[1])
     support_motions = elastic_response(structure, solver, released.pulled)
@@ -429,9 +425,7 @@ def reactions(
     terms = released.damping(shapes)
     undamped = modes_with_shapes(history, body).damping is None
     if sum(tau is not None for tau, _ in terms) != len(springs) or (terms and undamped):
-        raise InputError(
-            "the damping is not that of the structure: take the model as `extract` returns it."
-        )
+        raise InputError("the damping is not that of the structure: take the model of `extract`.")
 
     for tau, by_motion in terms:
         forces_of_supports += (velocities if tau is None else springs.pop(0)) @ by_motion.T

@@ -61,8 +61,7 @@ class BodyMotion:
 def search_of(
     history: AnyHistory, body: str, derivative: int, times: Array, *, given: bool, static: bool
 ) -> MaximumSearch:
-    """A function for `searched_maxima` over a run of a history, or `given` times; with `static` one
-    more column has the factor 1."""
+    """A function for `searched_maxima` over a run, or `given` times; `static`: one column more."""
 
     def factors(at: Array) -> Array:
         """Factors (k, B) of the columns at times (k,) [s]."""

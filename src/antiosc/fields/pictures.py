@@ -109,9 +109,7 @@ def plot_map(
         raise InputError(f"impact_map must be an ImpactMap; got {checks.shown(impact_map)}.")
     quantities = impact_map.quantities()
     if not isinstance(quantity, str) or quantity not in quantities:
-        raise InputError(
-            f"quantity must be one of {', '.join(quantities)}; got {checks.shown(quantity)}."
-        )
+        raise InputError(f"quantity must be one of {quantities}; got {checks.shown(quantity)}.")
     outlined = impact_map.doubtful & ~impact_map.doubtful.all()
     value = np.where(outlined, np.nan, quantities[quantity])
     label, unit = MAP_QUANTITIES.get(quantity, (quantity, ""))

@@ -351,8 +351,7 @@ def _filtered_derivative(
     signal: Callable[[AnyHistory, Array], Array],
     derivative: int,
 ) -> Array:
-    """Filtered derivative of order `derivative` of `signal(history, t)` (n, …), by a longer run if
-    the filter `name` needs it."""
+    """Filtered derivative of `signal(history, t)` (n, …); the run may be repeated for longer."""
     if not isinstance(history, RunHistory):
         raise InputError(
             "a filter needs motion before and after the times: probe the scene's history with body."

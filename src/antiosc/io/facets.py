@@ -288,16 +288,12 @@ def _surface_to_fill(request: Request) -> tuple[Surface, list[list[int]]]:
     """(closed surface of the requested bodies, pieces of each); cavities point inward."""
     surface = read_surface(request)
     if surface.open_edges:
-        raise MeshError(
-            f"{request.name} has {surface.open_edges} open edges: repair it, or omit solid."
-        )
+        raise MeshError(f"{request.name} has {surface.open_edges} open edges: repair it.")
 
     bodies, pierced = _bodies(surface, request.name)
     if request.piece is not None:
         if request.piece > len(bodies):
-            raise MeshError(
-                f"{request.name} has {len(bodies)} bodies; there is no piece {request.piece}."
-            )
+            raise MeshError(f"{request.name} has {len(bodies)} bodies, no piece {request.piece}.")
         if len(bodies) > 1:
             surface.remarks.append(piece_text(request.name, request.piece, len(bodies)))
         bodies = [_by_volume(surface, bodies)[request.piece - 1]]
@@ -350,8 +346,7 @@ def add_filled_surface(gmsh: ModuleType, request: Request) -> tuple[Surface, Ent
 
 
 def mesh_by_ftetwild(request: Request) -> FileMesh:
-    """Mesh of tetrahedra in a surface by fTetWild (Hu et al., ACM Trans. Graph. 39 (2020) 117),
-    within `FTETWILD_ENVELOPE` of it; its smooth sides are groups."""
+    """Mesh of tetrahedra in a surface by fTetWild (Hu et al., ACM Trans. Graph. 39 (2020) 117)."""
     import pytetwild
     from scipy.spatial import cKDTree
 

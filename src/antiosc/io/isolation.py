@@ -333,8 +333,7 @@ FILE_OUTPUT = re.compile(r"[)\]]\s*>")
 
 
 def checked_script(text: str, name: str) -> tuple[str, list[str]]:
-    """(a script of gmsh without comments, names of the CAD files that it merges). MeshError if it
-    could run programs, or read or write other files."""
+    """(a script of gmsh without comments, names of its CAD files); MeshError if it does more."""
     if "\0" in text:
         raise MeshError(f"{name} is binary and no script of gmsh: write it as .step or .inp.")
 

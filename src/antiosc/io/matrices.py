@@ -273,9 +273,7 @@ def read_pair(
     if K.labels is not None and M.labels is not None:
         M = _mass_in_order_of(K, M)
     elif K.size != M.size:
-        raise InputError(
-            f"K and M must be of one size: {K.source} has {K.size} rows, {M.source} {M.size}."
-        )
+        raise InputError(f"K and M differ in size: {K.source} {K.size} rows, {M.source} {M.size}.")
 
     count = len(K.value) + len(M.value)
     if K.size > count:
@@ -475,9 +473,8 @@ def supported_rows(supports: object, rows: DofMap | None) -> IntArray:
 
 
 def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
-    """The map of `size` rows in any form that `Structure.from_matrices` takes as `map`; None:
-    unknown.
-    `labels`: (node, component) of the rows as the files of the matrices name them."""
+    """The map of `size` rows in any form of `from_matrices`; `labels`: (node, component) by
+    files."""
     if source is None:
         if labels is None:
             return None

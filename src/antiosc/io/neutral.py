@@ -315,9 +315,7 @@ class UnitSystem:
             return cls(*UNIT_SYSTEMS[unit])
 
         names = ", ".join(map(repr, UNIT_SYSTEMS))
-        raise InputError(
-            f"unit must be one of {names}, or metres per unit of length; got {shown(unit)}."
-        )
+        raise InputError(f"unit must be one of {names}, or metres per unit; got {shown(unit)}.")
 
     @property
     def mass(self) -> float:
@@ -357,8 +355,7 @@ def outer_facets(cells: NDArray[Any], sides: Sequence[Sequence[int]]) -> NDArray
 
 
 def connected_pieces(tables: Iterable[IntArray], count: int) -> IntArray:
-    """Number (count,) of each node's connected piece. A row of a table (n, k) connects its nodes;
-    entries below 0 are ignored."""
+    """Number (count,) of each node's piece; rows of tables (n, k), but below 0, connect nodes."""
     from scipy.sparse import coo_matrix  # few files need it, and it loads slowly
     from scipy.sparse.csgraph import connected_components
 

@@ -64,8 +64,7 @@ LARGEST_COORDINATE = 1e30
 
 
 def selected_mesh(mesh: FileMesh, wanted: CellSelection, order: int | None, name: str) -> RawMesh:
-    """The `wanted` cells of a file as a mesh, by default those of the highest dimension. `order` 1:
-    without mid-side nodes; `name`: of the file, for messages."""
+    """The `wanted` cells of a file as a mesh, by default those of the highest dimension."""
     dims = {label: CELL_KINDS[label].dim for label, block in mesh.cells.items() if len(block)}
     if not any(dims.values()):
         found = ", ".join(sorted(dims)) or "none"

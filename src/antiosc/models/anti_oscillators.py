@@ -256,8 +256,7 @@ def reduced_matrices(
     nodes: int | Sequence[int] | None = None,
     dofs: int | str | Sequence[int | str] = 0,
 ) -> ReducedMatrices:
-    """K and M (p + N, p + N) as of `AntiOscillators.to_matrices`, by k0, m_st (p, p), P (p, N),
-    omega (N,) [rad/s]."""
+    """K and M (p + N, p + N) by k0, m_st (p, p), P (p, N) and omega (N,) [rad/s]."""
     from scipy.linalg import block_diag  # takes long to load
 
     from antiosc.io.matrices import component_number
@@ -424,9 +423,7 @@ class AntiOscillators(ReprMixin, Parameters):
         left_out = np.arange(n_sites + n, n_sites + self.n)
         damping = self.damping
         if self.stretch is not None:
-            raise InputError(
-                "a model that stretches keeps its anti-oscillators: extract it without stretch."
-            )
+            raise InputError("a model that stretches keeps all: extract it without stretch.")
 
         if isinstance(damping, DampingMatrix):
             remaining = np.delete(np.arange(damping.n), left_out)
@@ -591,9 +588,7 @@ class AntiOscillators(ReprMixin, Parameters):
             warn("the damping of the model is left out of its matrices.", AccuracyWarning)
 
         if self.dependence is not None and len(self.dependence) != self.n_sites:
-            raise InputError(
-                "some sites follow from others: extract a model without them for its matrices."
-            )
+            raise InputError("some sites follow from others: extract a model without them.")
 
         m_st = np.atleast_2d(self.m_st)
         return reduced_matrices(self.k0_matrix, m_st, self.inertias, self.omega, nodes, dofs)

@@ -295,10 +295,7 @@ def _stiffness(shapes: Array) -> Array:
 
 
 def _integrals(values: Array) -> Array:
-    """Integrals (points, k) from -1 of Legendre's polynomials with `values` (points, k + 1).
-
-    (P_(k+1) - P_(k-1))/(2 k + 1), which also takes these integrals to their own ones.
-    """
+    """Integrals (points, k) from -1 of Legendre's polynomials (points, k + 1), and of integrals."""
     differences = values[:, 1:].copy()
     differences[:, 0] += values[:, 0]
     differences[:, 1:] -= values[:, :-2]

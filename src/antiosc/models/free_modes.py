@@ -137,9 +137,7 @@ def site_models(
     G = None if inertia is None else checks.floats("inertia", inertia, (len(b),))
     shift = checks.nonnegative("shift", shift, "rad^2/s^2")
     if not shift and omega[0] == 0:
-        raise InputError(
-            "a rigid-body mode (omega = 0) needs a shift > 0 with compliance and inertia."
-        )
+        raise InputError("rigid-body modes (omega = 0) need a shift > 0, C and G with it.")
 
     count = omega.size + 1 if n is None else min(checks.whole("n", n), omega.size + 1)
     r, s = residual_parameters(omega, b, C, G, shift)
@@ -338,8 +336,7 @@ StiffnessFunction = Callable[[ComplexArray], Numbers]
 
 
 def sample_frequencies(top: float, lowest: float, step: float = DAMPING_RATIO) -> ComplexArray:
-    """Damped circular frequencies (W,) up to `top` [rad/s], dense (relative `step`) at peaks of Z,
-    which is quasi-static below `lowest`."""
+    """Damped frequencies (W,) up to `top` [rad/s] by `step`; Z is static below `lowest`."""
     start = BAND_START_RATIO * min(top, lowest)
     count = int(np.ceil(np.log(top / start) / step)) + 2
     return np.geomspace(start, top, count) * (1 + 1j * DAMPING_RATIO)

@@ -68,9 +68,7 @@ class Damping(FieldsRepr):
 
         largest = float(ratios.max())
         if largest >= 1:
-            raise InputError(
-                f"a damping ratio must be below 1 (critical; 0.05 is 5 %); got {largest:g}."
-            )
+            raise InputError(f"a damping ratio must be below 1 (0.05 is 5 %); got {largest:g}.")
 
         if largest > UNUSUAL_DAMPING:
             warn(

@@ -146,8 +146,7 @@ class Parameters(Body):
 
     @property
     def mass_shares(self) -> Array:
-        """Shares m_i/m_st (N,) of the anti-oscillators; of several sites tr(m_st^-1 m_i)/p,
-        invariant."""
+        """Shares m_i/m_st (N,) of the anti-oscillators; of several sites tr(m_st^-1 m_i)/p."""
         P = self.inertias
         static = self.m0_matrix + P @ P.T
         scale = 1 / np.sqrt(np.maximum(static.diagonal(), np.finfo(float).tiny))
@@ -242,9 +241,7 @@ def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> Param
 
     m = checks.positives("m", model.m, "kg")
     if m.shape != omega.shape:
-        raise InputError(
-            f"m and omega need one entry per anti-oscillator; got {m.size} and {omega.size}."
-        )
+        raise InputError(f"m and omega need one length; got {m.size} and {omega.size}.")
 
     m0 = checks.number("m0", model.m0, "kg")
     total = float(m.sum()) + max(m0, 0.0)
@@ -253,9 +250,7 @@ def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> Param
     k0 = checks.nonnegative("k0", model.k0, "N/m")
     checks.nonnegative("m0", m0, "kg")
     if total == 0 and k0 == 0:
-        raise InputError(
-            "a model with m0 = 0, k0 = 0 and no anti-oscillator has neither mass nor stiffness."
-        )
+        raise InputError("m0 = 0, k0 = 0 and no anti-oscillator: neither mass nor stiffness.")
 
     radius = None if model.radius is None else checks.positive("radius", model.radius, "m")
 
@@ -368,8 +363,7 @@ def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
 
 
 def _spatial(model: Parameters, rows: Index) -> ParameterDict:
-    """Checked shapes, in the order `rows`, momenta, those of hidden motions last, and hidden
-    motions; else InputError."""
+    """Checked shapes in the order `rows`, momenta and hidden motions; else InputError."""
     stored: ParameterDict = {}
     in_order = np.array_equal(rows, np.arange(rows.size))
     if model.shapes is not None:
@@ -407,9 +401,7 @@ def sorted_damping(model: Parameters, damping: DampingMatrix, omega: ArrayLike) 
             f"sites, {model.n} anti-oscillators, {hidden} hidden motions); got one of {damping.n}."
         )
     if not model.sites and not model.m_st > 0:
-        raise InputError(
-            "a model without mass has no motions for a DampingMatrix: give it a mass, m0 or m."
-        )
+        raise InputError("a model without mass has no use for a DampingMatrix: give m0 or m.")
 
     order = np.argsort(np.asarray(omega, dtype=float), kind="stable")
     if np.array_equal(order, np.arange(order.size)):
@@ -439,8 +431,7 @@ NO_ESTIMATE_MESSAGE = (
 
 
 def has_error_bars(model: object) -> bool:
-    """Whether impacts have error bars: by a known mesh error (or why not), noise, or second-order
-    modes."""
+    """Whether impacts have error bars: mesh error (or why not), noise, or second-order modes."""
     if not isinstance(model, Parameters):
         return False
     info = model.info
@@ -515,8 +506,7 @@ def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Arr
 
 
 def energy_error(model: Parameters, E: Array, weights: Array) -> float:
-    """Strain errors' share of the strain energy, by energies E and `weights` Σ a aᵀ of amplitudes a
-    (p + N, p + N)."""
+    """Strain errors' share of the energy by E and `weights` Σ a aᵀ of amplitudes (p + N)."""
     energy = float(np.sum(weights * model.stiffness))
     if energy > 0:
         return float(np.sum(weights * E)) / energy

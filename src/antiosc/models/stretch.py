@@ -163,9 +163,7 @@ def checked_count(stretch: object) -> Count | Literal[False]:
     if isinstance(stretch, str) and stretch == "auto":
         return "auto"
     if isinstance(stretch, bool | str):
-        raise InputError(
-            f'stretch must be a number of modes, "auto" or False; got {checks.shown(stretch)}.'
-        )
+        raise InputError(f"stretch is a number, 'auto' or False; got {checks.shown(stretch)}.")
 
     count = checks.whole("stretch", stretch, least=1)
     if count > MOST_REQUESTED_MODES:

@@ -97,8 +97,7 @@ def _at_nodes_of(
     evaluate: Callable[[PointsInCells], Array],
     factors: Array | None = None,
 ) -> Array:
-    """Components (cells · nodes, 6, columns) of tensors at all nodes of `cells`; `factors` as of
-    `PointsInCells`."""
+    """Components (cells · nodes, 6, columns) at nodes of `cells`; `factors` of `PointsInCells`."""
     X = part.mesh.geometry.reference_nodes
     places = np.repeat(cells, len(X)), np.tile(X, (len(cells), 1))
     tensors = evaluate(PointsInCells(part, shapes, *places, factors))

@@ -211,8 +211,7 @@ def _axial_strain(at: PointsInCells) -> Array:
 
 
 def _second_order_strain(at: PointsInCells, slope: Array) -> Array:
-    """Second-order axial strains (P, columns) by `slope` du/ds (P, 3, columns), minus initial ones;
-    0 without a static state."""
+    """Second-order axial strains (P, columns) by `slope` (P, 3, columns), minus initial ones."""
     if at.part.initial is None:
         return np.zeros(slope[:, 0].shape)
     return np.sum(slope**2, axis=1) / 2 - at.part.initial[at.cells][:, None]
@@ -370,8 +369,7 @@ class Strains(NamedTuple):
 
 
 class SheetAxes:
-    """Directions of 0° (default: along x, or y) and top sides of a part's cells; all ranks
-    construct it."""
+    """Directions of 0° (default: along x, or y) and top sides of cells; all ranks construct it."""
 
     def __init__(self, part: MeshedStructure) -> None:
         self.axis, self.side = part.axes_and_sides
@@ -471,9 +469,7 @@ def _layer_and_height(sheet: Sheet, place: Place) -> tuple[int, float]:
 
     if place.layer is not None:
         if place.layer >= len(layers):
-            raise InputError(
-                f"layer must be below {len(layers)} (0 is the lowest); got {place.layer}."
-            )
+            raise InputError(f"layer must be below {len(layers)} (0: lowest); got {place.layer}.")
         k = place.layer
         low = float(z[k])
         high = float(z[k + 1])

@@ -77,8 +77,7 @@ MOST_POINT_ROWS = 24
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """Constraint rows C (m, n + k): each is to be solved for its `pivot` (-1: any), and its `owner`
-    is an index in `labels`."""
+    """Rows C (m, n + k), each to be solved for its `pivot` (-1: any); `owner` among `labels`."""
 
     C: Sparse
     pivot: IntArray
@@ -550,9 +549,7 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
         if support.fix == "all":
             return point.functionals[np.flatnonzero(np.diff(point.functionals.indptr))]
         if absent := point.lacking(names):
-            raise InputError(
-                f"the support {support.label} fixes {', '.join(absent)}, which the site lacks."
-            )
+            raise InputError(f"the support {support.label} fixes {', '.join(absent)}, absent here.")
         return point.components(names)
 
     rows_of_support = []
@@ -596,9 +593,7 @@ def _point_motions(layout: Layout, where: str | Sequence[float]) -> list[PointMo
     """Motions of the points at which an attachment acts."""
     if not isinstance(where, str):
         if len(where) < 3 and not layout.plane:
-            raise InputError(
-                f"the point {shown(where)} of an attachment in an assembly needs x, y and z."
-            )
+            raise InputError(f"{shown(where)}, where an attachment is, needs x, y and z.")
         x = in_space(where)
         (place,) = places_at(layout.members.values(), x[None])
         return [motion_of_end(layout, (place.member.name, tuple(x)))]

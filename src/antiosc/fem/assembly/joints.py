@@ -220,9 +220,7 @@ class Equation(Joint):
 
     def __post_init__(self) -> None:
         if not isinstance(self.terms, Sequence) or isinstance(self.terms, str) or not self.terms:
-            raise InputError(
-                f"terms must list (end, component, coefficient); got {shown(self.terms)}."
-            )
+            raise InputError(f"terms must list (end, component, number); got {shown(self.terms)}.")
 
         terms = tuple(_checked_term(term) for term in self.terms)
         if not any(coefficient for _, _, coefficient in terms):
@@ -465,8 +463,7 @@ class Mean(Joint):
 
 
 def _fix_idle_rotations(member: Member, nodes: IntArray, leader: PointMotion) -> list[Rows]:
-    """Rows that fix the rotations of `leader` about a line on which all its followers lie, none
-    with rotations."""
+    """Rows that fix the rotations of `leader` about a line on which all its followers lie."""
     if member.has_rotations:
         return []
 
@@ -544,8 +541,7 @@ class Bolt(TwoEnds):
 
 
 def beam_matrices(beam: Beam, length: float) -> tuple[Array, Array]:
-    """Stiffness and mass (12, 12) of a beam along x, its height along y; shapes of the mass are
-    static."""
+    """Stiffness and mass (12, 12), by static shapes, of a beam along x, its height along y."""
     section = beam.section
     inertia = np.diag([section.A * beam.rho] * 3 + [0.0] * 3)
     inertia[3, 3] = beam.rho * (section.I + section.side)

@@ -211,9 +211,7 @@ class Layout:
         self.plane = _are_plane(self.members, self.condensed)
         for name, x in self.points.items() if self.plane else ():
             if x[2]:
-                raise InputError(
-                    f"points[{name!r}] lies {x[2]:g} m out of the plane in which the parts move."
-                )
+                raise InputError(f"points[{name!r}] lies {x[2]:g} m out of the plane of the parts.")
         all_points = [m.vertices for m in self.members.values()]
         all_points += [c.points for c in self.condensed.values()]
         x = np.vstack([*all_points, *self.points.values()])
@@ -413,17 +411,13 @@ def _are_plane(members: Mapping[str, Member], condensed: Mapping[str, Supereleme
     if len(set(plane.values())) > 1:
         sheet = next(name for name, flat_part in plane.items() if flat_part)
         other = next(name for name, flat_part in plane.items() if not flat_part)
-        raise InputError(
-            f"{sheet!r} is plane, {other!r} not: an assembly has parts of one sort (gdim=3)."
-        )
+        raise InputError(f"{sheet!r} is plane, {other!r} is not: give parts of one sort (gdim=3).")
 
     flat = any(plane.values())
     for name, part in condensed.items():
         along_z = part.places.axes[part.places.kind == MOVE, 2]
         if flat and (np.abs(along_z).max(initial=0.0) > 1e-12 or part.points[:, 2].any()):
-            raise InputError(
-                f"{name!r} moves in space, others in a plane: an assembly has parts of one sort."
-            )
+            raise InputError(f"{name!r} moves in space, others in a plane: give parts of one sort.")
 
     for name, m in members.items():
         R = m.at.rotation

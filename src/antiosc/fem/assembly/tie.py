@@ -451,8 +451,7 @@ def rotation_rows(
     motion: Array | Sparse,
     label: str,
 ) -> Rows:
-    """Constraints by which rotations of nodes, but those about `normals`, follow n × g, `motion` (3
-    nodes, n)."""
+    """Constraints by which rotations of nodes follow n × g (3 nodes, n), but about `normals`."""
     member = edge.member
     dofs = np.column_stack([layout.dofs(member, nodes, name) for name in ROTATIONS])
     units = normals / np.linalg.norm(normals, axis=1, keepdims=True)

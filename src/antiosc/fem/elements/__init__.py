@@ -321,9 +321,7 @@ def section_of_layers(layers: Sequence[Layer]) -> PlateSection:
     """The section of layers from the bottom to the top; z = 0 is in the middle."""
     is_list = isinstance(layers, Sequence) and len(layers) > 0
     if not is_list or not all(isinstance(ply, Layer) for ply in layers):
-        raise InputError(
-            f"layers lists Layer objects, one at least, bottom first; got {shown(layers)}."
-        )
+        raise InputError(f"layers lists one Layer or more, bottom first; got {shown(layers)}.")
 
     z, powers, Q = _layer_integrals(layers)
     h = float(sum(layer.thickness for layer in layers))
@@ -365,8 +363,7 @@ def _transverse_shear(
 
 
 def shear_stresses(layers: Sequence[Layer], which: int, z: float) -> Array:
-    """f (2, 2) [1/m] with (τ13, τ23) = f · shear forces (Q1, Q2) [N/m] at height z [m], in layer
-    `which`."""
+    """f (2, 2) [1/m], (τ13, τ23) = f · forces (Q1, Q2) [N/m] at z [m] in layer `which`."""
     levels, powers, Q = _layer_integrals(layers)
     A, B, D = np.einsum("pl,lij->pij", powers, Q)
     return _equilibrium(levels, Q, A, B, D)(which, z)

@@ -80,9 +80,7 @@ class Beam(Isotropic):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.offset and self.orientation is None:
-            raise InputError(
-                f"offset = {self.offset:g} m is along the orientation: give it, as (0, 0, 1)."
-            )
+            raise InputError(f"offset = {self.offset:g} m needs an orientation, as (0, 0, 1).")
 
     def shear_stiffness(self, plane: int, size: float) -> float:
         """G κ A [N] along the height (plane 0) or across it (1); a penalty if `shear=False`."""
@@ -98,13 +96,9 @@ class Beam(Isotropic):
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Strain and kinetic energy of the axis, in a plane or in space."""
         if mesh.tdim != 1:
-            raise InputError(
-                f"Beam needs a mesh of lines; {mesh.name} has {mesh.cell} cells (use Solid)."
-            )
+            raise InputError(f"Beam needs a mesh of lines; {mesh.name} is of {mesh.cell}s (Solid).")
         if mesh.order != 1:
-            raise InputError(
-                "Beam elements are straight; read the mesh with order 1 and more elements."
-            )
+            raise InputError("Beam elements are straight; read the mesh with order 1, finer.")
         if mesh.gdim == 2 and any(beam.offset for beam, _ in parts):
             raise InputError("offset applies to beams in space: read the mesh with gdim 3.")
         return line_weak_form(mesh, parts, order)

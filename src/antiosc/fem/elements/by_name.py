@@ -77,9 +77,7 @@ def material(
     overrides = {key: value for key, value in constants_given.items() if value is not None}
     if record.G is not None:
         if overrides or thickness is not None or section is not None:
-            raise InputError(
-                f"{record.name} has directions: take AnisotropicSolid.orthotropic, or a Layer."
-            )
+            raise InputError(f"{record.name} has directions: AnisotropicSolid or Layer take it.")
         return AnisotropicSolid.orthotropic(record.E, record.nu, record.G, record.rho)
 
     constants: dict[str, Any] = {key: getattr(record, key) for key in CONSTANTS}

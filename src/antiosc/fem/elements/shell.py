@@ -494,9 +494,7 @@ def _definite_matrix(name: str, value: ArrayLike, size: int) -> Array:
     m = floats(name, value, (size, size))
     symmetric = np.abs(m - m.T).max() <= 1e-9 * np.abs(m).max()
     if not symmetric or not np.linalg.eigvalsh(m).min() > 1e-12 * np.abs(m).max():
-        raise InputError(
-            f"the stiffness {name} of a shell must be symmetric and positive definite."
-        )
+        raise InputError(f"the stiffness {name} of a shell must be symmetric, positive definite.")
     return np.asarray((m + m.T) / 2)
 
 

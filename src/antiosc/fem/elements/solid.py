@@ -176,8 +176,7 @@ def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
 
 
 def _is_thin(mesh: Mesh) -> bool:
-    """Whether rounding of K's entries spoils the mesh's bending stiffness: by 3e-6 at 300 × 30 ×
-    1."""
+    """Whether rounding of K's entries spoils the bending stiffness: by 3e-6 at 300 × 30 × 1."""
     if mesh.gdim != 3 or mesh.n_cells > MOST_THIN_CELLS:
         return False
 
@@ -200,8 +199,7 @@ def voigt_strain(e: Expr) -> Expr:
 
 
 def voigt_stiffness(material: Any, dim: int) -> Array:
-    """Stiffness of a material in Voigt order: (6, 6) [Pa], or for `dim` 2 (3, 3) [N/m] for forces
-    per width."""
+    """Stiffness of a material in Voigt order: (6, 6) [Pa], of plane parts (3, 3) [N/m]."""
     C = np.asarray(material.voigt)
     if dim == 3:
         return C
@@ -270,9 +268,7 @@ class AnisotropicSolid(FieldsRepr):
             raise InputError("stiffness must be symmetric.")
         smallest_eigenvalue = float(np.linalg.eigvalsh((C + C.T) / 2).min())
         if not smallest_eigenvalue > 1e-12 * float(np.abs(C).max()):
-            raise InputError(
-                f"stiffness must be positive definite; got {smallest_eigenvalue:.3g} Pa."
-            )
+            raise InputError(f"stiffness must be positive definite: {smallest_eigenvalue:.3g} Pa.")
 
         store(self, stiffness=read_only((C + C.T) / 2), rho=positive("rho", self.rho, "kg/m³"))
         store(self, axes=read_only(_checked_axes(self.axes)))

@@ -49,8 +49,7 @@ QuadratureRule = tuple[Array, Array, Array]
 
 
 class Cells(ABC):
-    """Cells of one kind with `nodes` (n, 10) of this rank; products by a kernel of the C
-    library."""
+    """Cells of one kind with `nodes` (n, 10) of this rank, and products by a C kernel."""
 
     #: the C functions without their precision: for any u, and for a u that is linear in each cell
     function: str
@@ -75,8 +74,7 @@ class Cells(ABC):
         """The arrays that the argument of the C kernel points to, in double precision."""
 
     def add(self, k: float, m: float, u: Array, out: Array, linear: bool = False) -> None:
-        """Add (k K + m M) u to `out`, both on all dofs of this rank; `linear`: u is linear in each
-        cell."""
+        """Add (k K + m M) u to `out`, on all dofs of this rank; `linear`: u is so in each cell."""
         if u.dtype not in self._arguments:
             arrays = [array.astype(u.dtype, copy=False) for array in self._arrays]
             addresses = [library.address(array) for array in arrays]
@@ -90,8 +88,7 @@ class Cells(ABC):
 
 
 class StraightCells(Cells):
-    """Straight cells: nodes `x` (n, 4 or 10, 3) [m], corners first; `constants` (n, 3) Lamé's [Pa],
-    density [kg/m³]."""
+    """Straight cells: `x` (n, 4 or 10, 3) [m]; `constants` (n, 3): Lamé's [Pa], ρ [kg/m³]."""
 
     function, function_of_linear = "afe_tetra_product", "afe_tetra_of_linear"
 
@@ -143,8 +140,7 @@ class LinearCells(StraightCells):
 
 
 class CurvedCells(Cells):
-    """Curved cells: nodes `x` (n, 10, 3) [m], `constants` as of `StraightCells`, quadrature of K
-    and of M."""
+    """Curved cells: nodes `x` (n, 10, 3) [m], `constants` of `StraightCells`, rules of K, M."""
 
     function = function_of_linear = "afe_curved_product"
 
@@ -198,8 +194,7 @@ class CurvedCells(Cells):
 
 
 def _diagonal_blocks(lame: Array, shear: Array, inertia: Array) -> Array:
-    """Diagonal blocks (n, 3, 3) of k K + m M at a node, by k ∫ λ grad N ⊗ grad N, k ∫ μ grad N ⊗
-    grad N (n, 3, 3) and m ∫ ρ N² (n,)."""
+    """Blocks (n, 3, 3) of a node by k ∫ λ grad N ⊗ grad N, k ∫ μ grad N ⊗ grad N and m ∫ ρ N²."""
     result = lame + shear
     diagonal = np.trace(shear, axis1=1, axis2=2) + inertia
     for a in range(3):
@@ -209,8 +204,7 @@ def _diagonal_blocks(lame: Array, shear: Array, inertia: Array) -> Array:
 
 
 def _mean_gradient_products(slopes: Array, ends: Sequence[int]) -> Array:
-    """Mean (n, 3, 3) of grad N ⊗ grad N in a cell, by the `slopes` (n, 4, 3) of barycentric
-    coordinates."""
+    """Mean (n, 3, 3) of grad N ⊗ grad N by `slopes` (n, 4, 3) of the barycentric coordinates."""
     g = slopes[:, ends[0]]
     if len(ends) == 1:
         return np.asarray(0.6 * g[:, :, None] * g[:, None])
@@ -327,8 +321,7 @@ class Tetrahedra:
         )
 
     def product(self, x: Array, k: float, m: float, linear: bool = False) -> Array:
-        """(k K + m M) x in the precision of x (rows of this rank[, columns]); `linear`: in each
-        cell."""
+        """(k K + m M) x, of any precision (rows of this rank[, columns]); `linear`: see `Cells`."""
         if x.ndim == 1:
             return self._of_vector(x, k, m, linear)
         result = np.empty(x.shape, x.dtype, order="F")
@@ -391,8 +384,7 @@ class Tetrahedra:
         return result
 
     def coarse(self, P: PETSc.Mat, fixed: IntArray) -> Tetrahedra:
-        """Linear elements on these cells, `fixed` dofs of this rank; the added matrices projected
-        by P."""
+        """Linear elements on these cells with `fixed` dofs; the added matrices projected by P."""
         result = Tetrahedra(self._mesh, self.linear, self._parts, {})
         result._held = fixed
         result.added = tuple(matrix.ptap(P) if self.carries else matrix for matrix in self.added)

@@ -135,8 +135,7 @@ def _directions_at(name: str, direction: Direction, x: Array) -> Array:
 
 
 def _refuse_parallel(sine: Array, x: Array, what: str) -> None:
-    """InputError for a cell (nodes x) with a sine (cells, points) below LEAST_SINE; `what`: of
-    which directions."""
+    """InputError for a cell (nodes x) with a sine (cells, points) of `what` below LEAST_SINE."""
     bad = sine.min(axis=1) < LEAST_SINE
     if bad.any():
         raise InputError(
@@ -151,8 +150,7 @@ def shown_direction(direction: Direction) -> str:
 
 
 def _check_neighbours(mesh: Mesh, x: Array, side: Array, has_sides: BoolArray) -> None:
-    """InputError if neighbours have opposite normals (`side` ±1): of unsymmetric stacks without a
-    top."""
+    """InputError for opposite normals (`side` ±1) of neighbours in unsymmetric stacks."""
     owned = compat.cell_index_map(mesh.dolfinx).size_local
     in_turn = CORNERS_AROUND[mesh.cell]
     number = np.asarray(mesh.dolfinx.geometry.input_global_indices)
@@ -294,9 +292,7 @@ def _checked_prony(name: str, value: object) -> tuple[tuple[float, float], ...]:
     if not pairs.size:
         return ()
     if pairs.ndim != 2 or pairs.shape[1] != 2 or not (pairs > 0).all():
-        raise InputError(
-            f"prony lists pairs (stiffness ratio, time in s), all > 0; got {shown(value)}."
-        )
+        raise InputError(f"prony lists pairs (stiffness ratio, time), all > 0; got {shown(value)}.")
 
     return tuple((ratio, tau) for ratio, tau in pairs.tolist())
 

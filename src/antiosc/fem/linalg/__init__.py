@@ -16,8 +16,7 @@ def solver_for(
     prolongation: Callable[[], Matrix | None] = lambda: None,
     columns: float = 1.0,
 ) -> Solver:
-    """The solver of A by `choice`; `motions`, `prolongation` as in `Levels`; `columns`: loads in
-    one call, inf for a direct factor."""
+    """The solver of A by `choice`, levels as in `Levels`; `columns` at once, inf: direct."""
     if is_scipy(A):
         return SuperLU(A)
     from antiosc.fem.linalg import iterative, solver_choice  # need PETSc

@@ -83,8 +83,7 @@ def multiply(matrix: Matrix, x: Array) -> Array:
 
 
 def uses_strains(matrix: Matrix) -> bool:
-    """Whether products with K are computed as Sᵀ(S x) + rest, with strains S x: see
-    `solver_choice`."""
+    """Whether products with K are Sᵀ(S x) + rest, with strains S x: see `solver_choice`."""
     return not is_scipy(matrix) and bool(_petsc().uses_strains(matrix))
 
 
@@ -105,8 +104,7 @@ def skew(matrix: Matrix) -> Matrix:
 
 
 def fix_rows(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
-    """The matrix with these global rows and columns zero, `value` on the diagonal; PETSc's is
-    changed in place."""
+    """The matrix with global rows and columns zero, `value` on the diagonal; PETSc's changes."""
     if not is_scipy(matrix):
         return _petsc().fix_rows(matrix, rows, value)
 

@@ -151,8 +151,7 @@ class Multigrid(PetscSolver):
         set_aggregation(pc)
 
     def trial_iterations(self, most: int) -> int:
-        """Iterations of a solve for a random load (negligible on fixed dofs); NotConvergedError
-        above `most`."""
+        """Iterations of a solve for a random load; NotConvergedError above `most`."""
         noise = np.random.default_rng(self.comm.rank).standard_normal(self.A.getLocalSize()[0])
         old_limit = self._ksp.max_it
         self._ksp.max_it = most
@@ -264,8 +263,7 @@ class Cycle:
         self._smooth = Smoother(A)
 
     def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set y ≈ A⁻¹x for PETSc, by a scaled load: numbers below 1e-38 in single precision take a
-        hundred times as long."""
+        """Set y ≈ A⁻¹x, scaled: single numbers below 1e-38 take a hundred times as long."""
         load = x.array_r
         size = self._comm.allreduce(float(np.abs(load).max(initial=0.0)), MPI.MAX) or 1.0
         y.setArray(size * self(load / size))
@@ -346,8 +344,7 @@ def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
 
 
 def without_fixed(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
-    """P, changed in place: zero rows of `fixed` fine dofs, zero columns of coarse dofs that move
-    them."""
+    """P, changed: zero rows of `fixed` fine dofs, zero columns of coarse dofs that move them."""
     coarse, fine = P.createVecs()
     fine.setArray(np.where(fixed, 1.0, 0.0))
     P.multTranspose(fine, coarse)

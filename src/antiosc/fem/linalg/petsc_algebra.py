@@ -190,8 +190,7 @@ def skew(matrix: PETSc.Mat) -> PETSc.Mat:
 
 
 def fix_rows(matrix: PETSc.Mat, rows: IntArray, value: float) -> PETSc.Mat:
-    """The matrix, changed in place: these global rows and columns zero, `value` on the diagonal,
-    products by entries."""
+    """The matrix, changed in place: these global rows and columns zero, `value` on the diagonal."""
     matrix.setAttr(PRODUCT_KEY, None)
     matrix.zeroRowsColumns(rows.astype(PETSc.IntType), diag=value)
     return matrix

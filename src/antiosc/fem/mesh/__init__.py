@@ -280,8 +280,7 @@ def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
 def local_groups(
     mesh: dolfinx.mesh.Mesh, wanted: Mapping[str, Mapping[int, IntArray]]
 ) -> dict[str, dict[int, IntArray]]:
-    """{group: {dimension: entities of this rank}} of the `wanted` {group: {dimension: their
-    vertices (n, k)}}."""
+    """{group: {dimension: entities of this rank}} of `wanted` {…: {…: vertices (n, k)}}."""
     groups: dict[str, dict[int, IntArray]] = {name: {} for name in wanted}
     numbers = np.asarray(mesh.geometry.input_global_indices)
     for dim in sorted({dim for parts in wanted.values() for dim in parts}):

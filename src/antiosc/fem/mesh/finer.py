@@ -159,8 +159,7 @@ def halved(raw: RawMesh) -> RawMesh:
 
 
 def _middle_nodes(corners: IntArray, shape: HalvingScheme, start: int) -> tuple[IntArray, IntArray]:
-    """(numbers (cells, middles) of new nodes from `start` on, flat index of each one's first
-    use)."""
+    """(numbers (cells, middles) of new nodes from `start` on, flat index of their first uses)."""
     rows = np.full((len(corners), len(shape.members), MOST_CORNERS), -1, dtype=np.int64)
     for k, vertices in enumerate(shape.members):
         rows[:, k, : len(vertices)] = corners[:, vertices]

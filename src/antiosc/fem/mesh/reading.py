@@ -183,8 +183,7 @@ SIMPLEX_EDGES = {"triangle": EDGES["triangle"], "tetrahedron": EDGES["tetra"]}
 def _cells_where(
     points: Array, cells: IntArray, shape: str, order: int, fails: Callable[[Array], BoolArray]
 ) -> IntArray:
-    """Numbers of `cells`, nodes in dolfinx's order, whose Jacobian determinants (cells, q) at q
-    points `fails` (-> mask) refuses."""
+    """Numbers of `cells`, in dolfinx's order, whose Jacobians (cells, q) fail a test."""
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
     failed = [np.zeros(0, dtype=bool)]
     for start in range(0, len(cells), CELLS_AT_ONCE):
@@ -205,8 +204,7 @@ def folded_cells(
 
 
 def _along_mean_normal(J: Array) -> Array:
-    """Areas (cells, q) of faces in space along each one's mean normal, negative where a face turns
-    back."""
+    """Areas (cells, q) of faces along each one's mean normal, < 0 where a face turns back."""
     normals = np.cross(J[:, :, 0], J[:, :, 1])
     mean = normals.sum(axis=1)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
@@ -501,9 +499,7 @@ def _mesh_of_dolfinx(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTag
     named: dict[str, dict[int, IntArray]] = {}
     for name, pair in groups.items():
         if not isinstance(pair, tuple | list) or len(pair) != 2 or not hasattr(pair[0], "indices"):
-            raise InputError(
-                f"group {shown(name)} must be a pair (MeshTags, value); got {shown(pair)}."
-            )
+            raise InputError(f"group {shown(name)} must be (MeshTags, value); got {shown(pair)}.")
         tags, value = pair
         entities = np.asarray(tags.indices)[np.asarray(tags.values) == value]
         if not compat.communicator(mesh).allreduce(len(entities)):

@@ -105,8 +105,7 @@ def clamped(xi: Array, simplex: bool) -> Array:
 
 
 def pairs_within(centres: Array, reach: Array, points: Array) -> tuple[IntArray, IntArray]:
-    """(numbers of items, of points) of pairs of balls `centres` (n, 3), `reach` (n,) and `points`
-    (P, 3) in them."""
+    """(items, points) of pairs: points (P, 3) in balls `centres` (n, 3), `reach` (n,)."""
     if not len(points) or not len(centres):
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
 
@@ -200,8 +199,7 @@ def corners_at(mesh: Mesh, nearest: ClosestPoint) -> Array:
 
 
 def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
-    """(cell (P,), reference coordinates, distance [m] to it, inf: none on this rank) of points (P,
-    3)."""
+    """(cell, reference coordinates, distance [m] to it, inf: none here) of points (P, 3)."""
     cell = np.zeros(len(points), dtype=int)
     distance = np.full(len(points), np.inf)
     X = np.zeros((len(points), mesh.tdim))

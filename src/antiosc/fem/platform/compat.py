@@ -302,8 +302,7 @@ def edge_points() -> Array:
 
 
 def edge_interpolation(X: Array) -> Array:
-    """Matrix (P, 2, 2, n): components of Nédélec's field at X (P, 2), by components of n vectors at
-    `edge_points`."""
+    """Matrix (P, 2, 2, n): Nédélec's field at X (P, 2) by n vectors at `edge_points`."""
     element = _edge_element()
     to_moments = np.asarray(element.interpolation_matrix).reshape(element.dim, 2, -1)
     tables = np.asarray(element.tabulate(0, X)[0])  # (points, dofs, 2)
@@ -395,8 +394,7 @@ def assemble(
 def strain_matrix(
     strains: Expr, degree: int, space: fem.FunctionSpace, fixed: Mapping[tuple[int, ...], IntArray]
 ) -> PETSc.Mat:
-    """S, a row for each component and Gauss point: SᵀS is the integral of |strains|²; `fixed` as of
-    `assemble`."""
+    """S, a row for each component and Gauss point, with SᵀS = ∫ |strains|²; `fixed`: dofs."""
     mesh = space.mesh
     size = len(strains)
     points = _space(mesh, "Quadrature", degree, size)

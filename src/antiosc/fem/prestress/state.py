@@ -89,9 +89,7 @@ class LoadedPart:
         mesh = part.mesh
         self._u = dolfinx.fem.Function(form.space)
         if part.stiffeners:
-            raise InputError(
-                "a prestress takes no sheet with beams on its edges: leave one of them out."
-            )
+            raise InputError("a prestress takes no sheet with beams on edges: omit one of them.")
         self.initial = initial_strain(part, initial)
         stretch = second_order_strain(mesh, part.parts, form.degree)
         free = self.initial if initial else None
@@ -344,9 +342,7 @@ def tendon_strains(
     forces = forces / np.array(lengths)[:, None] - np.diag(stiffnesses)
     for name, stiffness, force in zip(tensions, stiffnesses, forces.diagonal(), strict=True):
         if -force <= LEAST_RESTRAINT * stiffness:
-            raise InputError(
-                f"{name!r} cannot be tightened: nothing holds its ends against the tension."
-            )
+            raise InputError(f"{name!r} cannot be tightened: nothing holds its ends.")
     strains = np.linalg.solve(forces, list(tensions.values()))
     return dict(zip(tensions, strains.tolist(), strict=True))
 

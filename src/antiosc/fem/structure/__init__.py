@@ -181,8 +181,7 @@ class DofPlaces:
         return result
 
     def polynomials(self, comm: MPI.Comm, centre: Array, size: float) -> Array:
-        """Displacement fields (dofs, k) of degree <= 2 in (x − centre)/size, at rotations half
-        their curl."""
+        """Fields (dofs, k) of degree <= 2 in (x − centre)/size; of rotations half their curl."""
         s = (self.nodes - centre) / size
         axes = np.flatnonzero(comm.allreduce(self.axes[self.kind == MOVE].any(axis=0)))
         powers: list[tuple[int, ...]] = [(), *((j,) for j in axes)]
@@ -371,8 +370,7 @@ def _solver_unless_singular(comm: MPI.Comm, K: Matrix) -> Solver | None:
 
 
 def _rigid_energy_limit(K: Matrix) -> float:
-    """The ratio xᵀKx/xᵀDx, D the diagonal of K, of rigid motions x; products by strains round
-    less."""
+    """Limit of xᵀKx/xᵀDx, D = diag(K), of rigid motions x; products by strains round less."""
     return RIGID_FORCE**2 if uses_strains(K) else RIGID_FORCE
 
 
@@ -381,8 +379,7 @@ def _solver(A: Matrix) -> Solver:
 
 
 def orthonormal_basis(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = None) -> Array:
-    """M-orthonormal basis (rows, r), `into` an array, of independent columns of `block` (rows,
-    k)."""
+    """M-orthonormal basis (rows, r), put `into` an array, of columns of `block` (rows, k)."""
     basis = np.empty(block.shape, order="F") if into is None else into
     count = 0
     for column in block.T:
@@ -400,8 +397,7 @@ def orthonormal_basis(comm: MPI.Comm, M: Matrix, block: Array, into: Array | Non
 
 
 def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
-    """A shift [rad²/s²] near the first elastic ω² by inverse iteration with `factor`, for slender
-    members."""
+    """A shift [rad²/s²] near the first elastic ω² of slender members, by inverse iteration."""
     comm = factor.comm
     x = np.random.default_rng(comm.rank).standard_normal((len(motions), 3))
 
@@ -528,9 +524,7 @@ class StructureMatrices:
     @property
     def mass(self) -> float:
         """Total mass in kg."""
-        raise InputError(
-            "the total mass is not known from matrices alone; build the Structure from a mesh."
-        )
+        raise InputError("matrices do not tell the total mass; build the Structure from a mesh.")
 
     @property
     def dimensions(self) -> Box:

@@ -57,9 +57,7 @@ NAME_CHECK = checked_by(text)
 def _checked_inertia(name: str, value: object) -> float | tuple[float, ...]:
     values = floats(name, value, None)
     if values.shape not in ((), (3,)) or (values < 0).any():
-        raise InputError(
-            f"inertia must be >= 0, one number or three (in kg m²); got {shown(value)}."
-        )
+        raise InputError(f"inertia must be >= 0, one number or three [kg m²]; got {shown(value)}.")
     if values.ndim:
         return tuple(values.tolist())
     return float(values)
@@ -223,8 +221,7 @@ def terms_of(
     plane: bool,
     places: Callable[[str | Sequence[float]], Sequence[PointMotion]],
 ) -> list[ElasticTerm]:
-    """The terms of an attachment with motions of points by `places`(where); `plane`: along x and y,
-    about z."""
+    """The terms of an attachment, by `places` of its points; `plane`: x, y and rz alone."""
     if isinstance(attached, PointMass):
         inertia = np.broadcast_to(attached.inertia, (3,)).tolist()
         values = dict(zip(COMPONENTS, [*[attached.mass] * 3, *inertia], strict=True))
@@ -353,9 +350,7 @@ def beams_on(
 ) -> Stiffener:
     """The stiffener `beam` on the `edges` of a sheet, entities of this rank in the group `name`."""
     if mesh.cell == "quadrilateral" and mesh.order > 1:
-        raise InputError(
-            f"beams on curved quadrilaterals (group {name!r}) are too soft: use triangles."
-        )
+        raise InputError(f"beams on curved quadrilaterals (group {name!r}): use triangles.")
     if not beam.shear:
         raise InputError(
             f"stiffeners (group {name!r}) deform in shear with their shell: leave shear=False out."

@@ -269,9 +269,7 @@ class MeshedStructure(PartsMatrices):
 
     def members(self, name: str | None = None) -> list[Member]:
         if name is not None:
-            raise InputError(
-                f"part={shown(name)} names a part of an assembly; {self.mesh.name} is one."
-            )
+            raise InputError(f"part={shown(name)} names a part; {self.mesh.name} is no assembly.")
         return [Member("", self, Placement(), 0)]
 
     @property
@@ -364,8 +362,7 @@ class MeshedStructure(PartsMatrices):
         return loads
 
     def surface_below(self, points: Array, directions: Array, radii: Array) -> SurfaceAtSites:
-        """The surface of a solid at sites (P, 3) struck along `directions` (P, 3); patch radii (P,)
-        [m], NaN: a point."""
+        """The surface at sites (P, 3) by `directions` (P, 3), patch radii (P,) [m] or NaN."""
         reach = np.where(np.isfinite(radii), radii, SURFACE_TOLERANCE * self.mesh.extent())
         return self.faces.contact(points, directions, reach, np.zeros(len(self.faces), dtype=int))
 

@@ -48,8 +48,7 @@ class Place:
 def places_at(
     parts: Iterable[Member], points: Array, directions: Array | None = None
 ) -> list[Place]:
-    """The place of any part nearest to each of the points (P, 3) [m]; where parts touch, of that
-    facing `directions` (P, 3)."""
+    """The nearest place of any part to points (P, 3) [m]; of parts that touch the one struck."""
     members = list(parts)
     nearest = [member.closest(points) for member in members]
     distance = np.array([found.distance for found in nearest])

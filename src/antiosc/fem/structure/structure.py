@@ -128,9 +128,7 @@ def _check_values(name: str, values: Array) -> None:
             f"{name} has an entry of {largest:g}; none may exceed {MAX_MAGNITUDE:g} in magnitude."
         )
     if 0.0 < largest < MIN_MAGNITUDE:
-        raise InputError(
-            f"the largest entry of {name}, {largest:g}, is below {MIN_MAGNITUDE:g}: SI units?"
-        )
+        raise InputError(f"{name} has no entry above {largest:g}: is it in SI units?")
 
 
 # -- K and M together
@@ -179,9 +177,7 @@ def _checked_damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
 
 
 def with_supports(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
-    """(K, M, dofs of this rank that penalties on K's diagonal fix), with supports in place of
-    the penalties.
-    """
+    """(K, M, dofs of this rank fixed by penalties on K's diagonal, which supports replace)."""
     comm = communicator(K)
     same_rows = algebra.size(K) == algebra.size(M) and same_ranks(comm, communicator(M))
     if not same_rows or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
@@ -192,9 +188,7 @@ def with_supports(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     of_K, of_M = (_checked_diagonal(name, matrix) for name, matrix in (("K", K), ("M", M)))
     empty = np.flatnonzero((of_K == 0) & (of_M == 0))
     if len(empty):
-        raise InputError(
-            f"{len(empty)} dofs have no stiffness and no mass, as {empty[0]}: leave them out."
-        )
+        raise InputError(f"{len(empty)} dofs have no stiffness, no mass, as {empty[0]}: omit them.")
 
     constrained = _penalised_dofs(K, of_K)
     first, last = algebra.row_range(K)
@@ -639,9 +633,7 @@ def on_mesh(structure: Structure, otherwise: str = NO_MESH) -> MeshedStructure:
 def refuse_prestress(structure: Structure, what: str) -> None:
     """Raise InputError for a prestressed structure; `what` names the function that refuses it."""
     if structure.matrices.preload is not None:
-        raise InputError(
-            f"{what} does not take a structure with a prestress: leave prestress out of it."
-        )
+        raise InputError(f"{what} does not take a prestress: leave it out.")
 
 
 def refuse_dampers(structure: Structure, what: str) -> None:

@@ -195,8 +195,7 @@ def lacking_energies(stiffness: Array, flexibility: Array) -> tuple[Array, Array
 
 
 def divided_mesh(mesh: Mesh) -> Mesh:
-    """The mesh on one rank with each cell divided into h cells; those of cell c (in the input's
-    numbering) are h c … h c + h - 1."""
+    """The mesh on one rank with each cell divided into h; those of input cell c are h c + …"""
     whole = gathered(mesh, np.zeros(mesh.n_cells))
     assert whole is not None  # on one rank
     return distributed(halved(whole[0]), mesh.name, mesh.comm)

@@ -309,9 +309,7 @@ class ModelErrors:
     def check(self) -> None:
         """InputError for a structure whose models cannot have error bars at all."""
         if self.skipped == TRUSS_REFUSAL:
-            raise InputError(
-                f"the error 'estimate' is of solids, beams and shells: {TRUSS_REFUSAL}"
-            )
+            raise InputError(f"the error 'estimate' is of solids, beams, shells: {TRUSS_REFUSAL}")
         if not self.skipped:
             _ = self._estimator
 
@@ -395,8 +393,7 @@ def flat_cells_note(part: MeshedStructure) -> str:
 
 
 def _angles(x: Array, corners: IntArray) -> Array:
-    """Angles (k,) [degree] between lines or faces with `corners` (n, v) that share an end or a
-    side; `x`: coordinates of all nodes."""
+    """Angles (k,) [degree] between lines or faces with `corners` (n, v) of x that share a side."""
     points = x[corners]
     along = points[:, -1] - points[:, 0]
 
@@ -425,8 +422,7 @@ WHOLE_LOAD_SHARE = 0.99
 
 
 def patch_of(matrices: PartsMatrices, site: Functional, solver: Solver) -> dict[str, float] | None:
-    """Data of a site's patch for the error budget, JSON values as in `ModelInfo.notes`; None for a
-    point."""
+    """Data of a site's patch for the error budget, as in `ModelInfo.notes`; None: a point."""
     place = site.place
     if site.radius is None or place is None:
         return None

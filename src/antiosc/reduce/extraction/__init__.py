@@ -210,8 +210,7 @@ def independent_loads(C: Array) -> tuple[IntArray, Array]:
 
 
 def elastic_response(structure: Structure, solver: Solver, loads: Array) -> Array:
-    """Elastic displacements (rows, k) under `loads` (rows, k), M-orthogonal to rigid motions;
-    inertia of a rigid motion balances each load."""
+    """Elastic displacements (rows, k) under `loads`, M-orthogonal to rigid motions, in balance."""
     comm = structure.comm
     R = structure.rigid_modes
     if not R.shape[1]:

@@ -407,7 +407,5 @@ def _checked_sites(site: object) -> list[dict[str, Site]]:
     for name, one in (item for group in groups for item in group.items()):
         instance("site", one, Site, "a Site(point, direction)")
         if one.tangential and name == UNNAMED_SITE:
-            raise InputError(
-                "tangential directions belong to a model of named sites: give the site a name."
-            )
+            raise InputError("tangential needs a named site: give the site a name.")
     return groups

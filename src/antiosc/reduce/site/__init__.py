@@ -25,8 +25,7 @@ def functional(structure: Structure, site: Site) -> Functional:
 
 
 def functionals(matrices: StructureMatrices, sites: Sequence[Site]) -> list[Functional]:
-    """The load vectors of `sites`, in order; InputError for one off the structure or its plane,
-    without a surface under its patch, or fixed."""
+    """The load vectors of `sites`; InputError for one off the structure, fixed or on no surface."""
     if matrices.nodal:
         nodal = cast(NodalMatrices, matrices)
         return [

@@ -75,8 +75,7 @@ def _on_q(structure: PartsMatrices, site: Site, functional: Functional) -> Funct
 def functionals_on_u(
     structure: PartsMatrices, sites: Sequence[Site], part_of: Callable[[Member], MeshedStructure]
 ) -> list[Functional]:
-    """Load vectors of sites on the dofs of all parts before they are joined, by structures
-    `part_of`(part)."""
+    """Load vectors of sites on dofs of all parts before they are joined, as `part_of` has them."""
     by_site: dict[int, Functional] = {}
     by_part: dict[str, dict[int, Place]] = {}
     for k, (place, end) in enumerate(places_of(structure, sites)):
@@ -136,9 +135,7 @@ def _functional_without_mesh(
     direction = in_space(site.direction or ())
     direction = direction / np.linalg.norm(direction)
     if layout.plane and direction[2]:
-        raise InputError(
-            f"direction {site.direction} leaves the plane in which the assembly moves."
-        )
+        raise InputError(f"direction {site.direction} leaves the plane of the assembly.")
 
     if site.radius is not None or site.tangential:
         raise InputError(f"{site.point!r} has no surface: leave radius and tangential out.")

@@ -140,9 +140,7 @@ def checked_sites(sites: MapSites, where: object) -> MapSites:
     """`sites`; InputError if there are none."""
     if not len(sites.sites):
         place = f" on {where!r}" if isinstance(where, str) else ""
-        raise InputError(
-            f"no site of the map can move{place}, or none has a surface: give another group."
-        )
+        raise InputError(f"no site of the map can move{place}: give another group.")
 
     return sites
 
@@ -303,9 +301,7 @@ def surface_sample(structure: MeshedStructure, group: str | None) -> SurfaceSamp
         in_group = np.isin(faces.facets, mesh.group(group).get(faces.dim, []))
 
     if not mesh.comm.allreduce(int(in_group.sum())):
-        raise InputError(
-            f"group {group!r} holds no outer faces of {mesh.name} (dimension {faces.dim})."
-        )
+        raise InputError(f"group {group!r} holds no outer faces of {mesh.name} ({faces.dim}-D).")
 
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[faces.vertices[in_group]]
     normals = faces.normals[in_group] if is_solid else np.zeros((int(in_group.sum()), 3))
@@ -333,9 +329,7 @@ def checked_points(points: object, direction: object) -> Array:
     if not coordinates.size:
         raise InputError("a map needs at least one point.")
     if coordinates.ndim != 2 or coordinates.shape[1] not in (2, 3):
-        raise InputError(
-            f"where must list points of 2 or 3 coordinates; got shape {coordinates.shape}."
-        )
+        raise InputError(f"where must list points (n, 2 or 3); got shape {coordinates.shape}.")
     return np.pad(coordinates, ((0, 0), (0, 3 - coordinates.shape[1])))
 
 

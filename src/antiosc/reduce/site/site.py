@@ -317,8 +317,6 @@ def _node_at(matrices: NodalMatrices, site: Site) -> int:
     nearest = int(np.argmin(distances))
     node = int(matrices.map.node[located][nearest])
     if distances[nearest] > NODE_TOLERANCE * float(np.ptp(points, axis=0).max()):
-        raise InputError(
-            f"the point is no node: take node {node}, {distances[nearest]:.3g} m away."
-        )
+        raise InputError(f"the point is no node: take node {node}, {distances[nearest]:.3g} m off.")
 
     return node

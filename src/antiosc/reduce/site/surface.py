@@ -160,9 +160,7 @@ def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = 
     a sheet points against it. InputError for a mesh of lines, or one in a plane.
     """
     if faces.dim != 2 or mesh.gdim != 3:
-        raise InputError(
-            "beams and plane parts have no surface in space: give the law of the contact."
-        )
+        raise InputError("beams and plane parts have no surface: give the law of the contact.")
 
     patch = _patch_around(faces, point)
     touching = patch.only(patch.touching)
@@ -366,8 +364,7 @@ OTHER_FACE_SLOPE = 0.3
 def _largest_ball(
     matrices: PartsMatrices, at: Curvature, patch_radius: float
 ) -> tuple[float, tuple[float, float, float] | None]:
-    """(radius [m] of the largest ball that touches the part at the site alone, point that a larger
-    ball would touch too); (inf, None) if every ball fits."""
+    """(radius [m] of the largest ball that touches the site alone, next point or None)."""
     balls: list[tuple[float, tuple[float, float, float] | None]] = [(inf, None)]
     for member in matrices.members():
         faces, point = member.part.faces, member.at.own(at.point[None])[0]
