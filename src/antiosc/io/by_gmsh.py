@@ -88,8 +88,12 @@ def entity_names(gmsh: ModuleType, request: Request, scale: float) -> EntityName
     names = _labels(gmsh, 3)
     if request.fragments:
         names = _cut_solids(gmsh, names, request.name)
-    elif request.piece is not None:
-        _remove_other_solids(gmsh, request.piece, request.name)
+    elif request.piece is not None:  # a file without solids stays as it is
+        solids, piece = solids_by_volume(gmsh), request.piece
+        if piece > len(solids) > 0:
+            raise MeshError(f"{request.name} has {len(solids)} solids; there is no piece {piece}.")
+        gmsh.model.occ.remove(solids[: piece - 1] + solids[piece:], recursive=True)
+        gmsh.model.occ.synchronize()
     solids = gmsh.model.getEntities(3)
     return {s: names[s] for s in solids if s in names} | face_names(gmsh, scale)
 
@@ -146,15 +150,6 @@ def solids_by_volume(gmsh: ModuleType) -> list[tuple[int, int]]:
     solids = list(gmsh.model.getEntities(3))
     volumes = {solid: gmsh.model.occ.getMass(*solid) for solid in gmsh.model.occ.getEntities(3)}
     return sorted(solids, key=lambda solid: -volumes.get(solid, 0.0))
-
-
-def _remove_other_solids(gmsh: ModuleType, piece: int, name: str) -> None:
-    """Remove all solids but the `piece`-th largest; a file without solids stays as it is."""
-    solids = solids_by_volume(gmsh)
-    if piece > len(solids) > 0:
-        raise MeshError(f"{name} has {len(solids)} solids; there is no piece {piece}.")
-    gmsh.model.occ.remove(solids[: piece - 1] + solids[piece:], recursive=True)
-    gmsh.model.occ.synchronize()
 
 
 # --- Faces ----------------------------------------------------------------------------------------

@@ -383,7 +383,14 @@ def edge_on_solid(
 ) -> tuple[Sparse, Sparse, Array]:
     """(u₀ (3Q, n), n × g (3Q, n), normals n (Q, 3)) at Q points of a shell's edge, u₀ + s g the
     straight line through the displacements of the solid's face."""
-    normals, thickness = _normals_and_thickness(edge, common)
+    member = edge.member
+    cells = edge.cells[common.face]
+    _, J = member.part.mesh.geometry.at(cells, edge.reference(common.face, common.xi))
+    normals = np.cross(J[:, :, 0], J[:, :, 1]) @ member.at.rotation.T
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    thickness = np.array([material.section.thickness for material, _ in member.part.parts])
+    thickness = thickness[member.part.part_of_cells()[cells]]
+
     s, w = np.polynomial.legendre.leggauss(THICKNESS_POINTS)
     points = common.x
     count = len(common.weight)
@@ -415,18 +422,6 @@ def edge_on_solid(
     u0 = _layer_sums(mean, np.broadcast_to(np.eye(3), (count, 3, 3))) @ displacement
     rotated = _layer_sums(slope, skew(normals)) @ displacement
     return u0.tocsr(), rotated.tocsr(), normals
-
-
-def _normals_and_thickness(edge: Facets, common: Overlap) -> tuple[Array, Array]:
-    """(unit normals (Q, 3), thickness (Q,)) of the shell at points of its edge."""
-    member = edge.member
-    mesh = edge.member.part.mesh
-    cells = edge.cells[common.face]
-    _, J = mesh.geometry.at(cells, edge.reference(common.face, common.xi))
-    raw_normals = np.cross(J[:, :, 0], J[:, :, 1]) @ member.at.rotation.T
-    normals = raw_normals / np.linalg.norm(raw_normals, axis=1, keepdims=True)
-    thickness = np.array([material.section.thickness for material, _ in member.part.parts])
-    return normals, thickness[member.part.part_of_cells()[cells]]
 
 
 def _layer_sums(factors: Array, matrices: Array) -> Sparse:

@@ -216,16 +216,6 @@ def _mean_gradient_products(slopes: Array, ends: Sequence[int]) -> Array:
     return np.asarray(0.8 * sum(squares))
 
 
-def material_constants(parts: Parts, count: int) -> Array:
-    """(λ [Pa], μ [Pa], ρ [kg/m³]) (count, 3) of the first `count` cells of this rank."""
-    result = np.empty((count, 3))
-    for material, cells in parts:
-        lame = material.E * material.nu / ((1 + material.nu) * (1 - 2 * material.nu))
-        result[cells[cells < count]] = lame, material.G, material.rho
-
-    return result
-
-
 def padded_lanes(values: Array) -> Array:
     """Values of cells (n, k) padded with zeros, as (groups, k, lanes) for SIMD."""
     groups = -(-len(values) // SIMD_LANES)
@@ -436,7 +426,11 @@ def _cells_by_kind(mesh: Mesh, form: WeakForm, parts: Parts) -> list[Cells]:
     count = compat.cell_index_map(mesh.dolfinx).size_local
     x = mesh.geometry.nodes[:count]
     nodes = compat.cell_dofs(form.space, (0,), np.arange(count)) // 3
-    materials = material_constants(parts, count)
+    materials = np.empty((count, 3))  # (λ [Pa], μ [Pa], ρ [kg/m³])
+    for material, cells in parts:
+        lame = material.E * material.nu / ((1 + material.nu) * (1 - 2 * material.nu))
+        materials[cells[cells < count]] = lame, material.G, material.rho
+
     if form.degree == 1:
         return [LinearCells(nodes, x, materials)]
     is_straight = mesh.geometry.straight[:count]

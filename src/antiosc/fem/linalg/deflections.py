@@ -25,7 +25,7 @@ import scipy.linalg.blas
 import scipy.sparse
 from mpi4py import MPI
 
-from antiosc.base._types import Array, IntArray, Matrix
+from antiosc.base._types import Array, Matrix
 from antiosc.base.process import free_threads
 from antiosc.base.progress import counting
 from antiosc.fem.linalg.algebra import column_products, multiply, sum_of
@@ -173,7 +173,14 @@ class Walks:
         L, parent = self._L, self._parent
         part = loads.tocoo()
         rows = self.position[part.row]
-        branch = _branch(np.unique(self._supernode[rows]), parent)
+
+        # the loaded supernodes and all their ancestors, children before parents
+        visited: set[int] = set()
+        for s in np.unique(self._supernode[rows]).tolist():
+            while s >= 0 and s not in visited:
+                visited.add(s)
+                s = int(parent[s])
+        branch = sorted(visited)
 
         # loads of a subtree follow one another; the last entries are those above a root
         begin = np.full(len(parent) + 1, loads.shape[1])
@@ -213,14 +220,3 @@ class Walks:
             z[d:] -= block[d:, c:d] @ z[c:d]
 
         return z
-
-
-def _branch(supernodes: IntArray, parent: IntArray) -> list[int]:
-    """The given supernodes and all their ancestors, children before parents."""
-    visited: set[int] = set()
-    for leaf in supernodes:
-        s = int(leaf)
-        while s >= 0 and s not in visited:
-            visited.add(s)
-            s = int(parent[s])
-    return sorted(visited)

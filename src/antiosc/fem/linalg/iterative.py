@@ -23,10 +23,13 @@ Z are listed in benchmarks/speed/large_parts.md.
 
 from __future__ import annotations
 
+import ctypes
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from ctypes import c_double, c_float, c_int64, c_void_p
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -35,10 +38,13 @@ from petsc4py import PETSc
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import NotConvergedError
 from antiosc.base.process import allocation_failed
+from antiosc.engine import library
 from antiosc.fem.linalg.algebra import diagonal
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS_KEY,
+    CellProduct,
     cell_matrix,
+    multiply,
     multiply_linear,
     register_for_release,
     release_dropped,
@@ -46,7 +52,6 @@ from antiosc.fem.linalg.petsc_algebra import (
     uses_cells,
     with_entries,
 )
-from antiosc.fem.linalg.smoothing import Smoother
 from antiosc.fem.linalg.solver import SINGULAR_MESSAGE, Solver
 
 #: PETSC_ERR_MEM
@@ -241,12 +246,17 @@ class TwoLevels(Multigrid):
             solve = Cycle(level, T, self._inverse(aggregates), AGGREGATED_CYCLES)
             del T, aggregates, level
 
+        fine = self.A
+        if uses_cells(fine):  # with fewer points of quadrature
+            product = fine.getAttr(CELLS_KEY)
+            fine = cell_matrix(product.cells.simplified(), product.k, product.m)
+
         # an analysis in the inverse became the factor in double precision
         del coarse, self._coarse, self._inverse
         release_dropped(self.A.getComm().tompi4py())
         self._cycle = pc  # what becomes another type stays as long as the solver
         self._cycle.setType(PETSc.PC.Type.PYTHON)
-        self._cycle.setPythonContext(Cycle(smoothing_matrix(self.A), self._P, solve))
+        self._cycle.setPythonContext(Cycle(fine, self._P, solve))
         set_type_at_exit(self._cycle, PETSc.PC.Type.NONE)
 
 
@@ -372,14 +382,6 @@ def _with_ones(coarse: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
     return coarse
 
 
-def smoothing_matrix(A: PETSc.Mat) -> PETSc.Mat:
-    """A, with fewer points of quadrature where it is computed from the cells."""
-    if not uses_cells(A):
-        return A
-    product = A.getAttr(CELLS_KEY)
-    return cell_matrix(product.cells.simplified(), product.k, product.m)
-
-
 def linear_cells(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
     """The coarse matrix of a matrix by cells, by linear elements on its cells."""
     product = A.getAttr(CELLS_KEY)
@@ -392,3 +394,97 @@ def empty_columns(P: PETSc.Mat) -> IntArray:
     weights.setArray(np.random.default_rng(0).random(weights.getLocalSize()))
     P.multTranspose(weights, sums)
     return np.flatnonzero(sums.array_r == 0.0)
+
+
+# -- Smoothing: Chebyshev's iteration, from the largest eigenvalue of D⁻¹A down to a tenth of it.
+
+#: Steps before and after the coarse level, and the least share of the largest eigenvalue smoothed.
+CHEBYSHEV_STEPS, LOWEST_SMOOTHED = 2, 0.1
+#: Steps of the power method for that eigenvalue, and the factor on what they give.
+POWER_STEPS, EIGENVALUE_MARGIN = 15, 1.1
+
+#: The functions of the library, which `antiosc.engine.library` has checked, by precision.
+_library = ctypes.CDLL(str(library.LIBRARY_FILE))
+kernels: dict[Any, Any] = {
+    np.float64: _library.afe_smooth_double,
+    np.float32: _library.afe_smooth_float,
+}
+for _kernel, _real in zip(kernels.values(), (c_double, c_float), strict=True):
+    _kernel.restype = None
+    _kernel.argtypes = c_int64, c_int64, c_void_p, c_void_p, _real, _real, c_void_p, c_void_p
+
+
+class Smoother:
+    """Chebyshev's iteration for a matrix A, in single precision for products by cells."""
+
+    def __init__(self, A: PETSc.Mat) -> None:
+        self._A = A
+        self._product: CellProduct | None = A.getAttr(CELLS_KEY)
+        self._real: Any = np.float32 if self._product else np.float64
+        b = A.getBlockSize()
+        if self._product:
+            blocks = self._product.cells.blocks(self._product.k, self._product.m)
+            inverse = np.linalg.inv(blocks.reshape(-1, b, b))
+        else:
+            inverse = np.ascontiguousarray(A.invertBlockDiagonal()).reshape(-1, b, b)
+        self._inverse = inverse.astype(self._real)
+        self._rows = A.getLocalSize()[0]
+        self._residual, self._step, self._total = (self._vector() for _ in range(3))
+
+        largest = EIGENVALUE_MARGIN * self._largest(A.getComm().tompi4py())
+        middle, half = ((1 + sign * LOWEST_SMOOTHED) / 2 * largest for sign in (1, -1))
+
+        #: factors of the last step and of D⁻¹ times the residual in each step
+        self._factors = [(0.0, 1 / middle)]
+        rho = half / middle
+        for _ in range(CHEBYSHEV_STEPS - 1):
+            next_rho = 1 / (2 * middle / half - rho)
+            self._factors.append((next_rho * rho, 2 * next_rho / half))
+            rho = next_rho
+
+    def __call__(self, load: Array, last: bool = False) -> tuple[Array, Array]:
+        """(x ≈ A⁻¹ load, load - A x: not up to date if `last`), which the next call overwrites."""
+        self._residual[: self._rows] = load
+        for keep, gain in self._factors:
+            if keep:
+                self._subtract_product()
+            self._advance(keep, gain)
+        if not last:
+            self._subtract_product()
+
+        return self._total[: self._rows], self._residual[: self._rows]
+
+    def _vector(self) -> Array:
+        if self._product:
+            return self._product.cells.vector(self._real)
+        return np.zeros(self._rows)
+
+    def _subtract_product(self) -> None:
+        """Subtract A times the step from the residual."""
+        if self._product:
+            k, m = -self._product.k, -self._product.m
+            self._product.cells.add(k, m, self._step, self._residual)
+        else:
+            self._residual -= multiply(self._A, self._step)
+
+    def _advance(self, keep: float, gain: float) -> None:
+        """Set the step to `keep` times the last one and `gain` times D⁻¹ residual; add it."""
+        count, size, _ = self._inverse.shape
+        inverse, residual, step, total = (
+            library.address(array)
+            for array in (self._inverse, self._residual, self._step, self._total)
+        )
+        kernels[self._real](count, size, inverse, residual, keep, gain, step, total)
+
+    def _largest(self, comm: MPI.Comm) -> float:
+        """Estimate of the largest eigenvalue of D⁻¹A."""
+        self._step[: self._rows] = np.random.default_rng(0).standard_normal(self._rows)
+        for _ in range(POWER_STEPS):
+            self._residual[:] = 0.0
+            self._subtract_product()
+            self._advance(0.0, -1.0)
+            x = self._step[: self._rows]
+            size = float(np.sqrt(comm.allreduce(float(x @ x))))
+            x /= size
+
+        return size

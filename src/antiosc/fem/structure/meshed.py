@@ -597,7 +597,12 @@ def assembled_part(
     if form.strains is not None:
         strains, degree = form.strains
         S = compat.strain_matrix(strains, degree, form.space, conditions)
-        _use_strains(K, S, added_to_K, fixed)
+        K.axpy(1.0, added_to_K, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        first, last = added_to_K.getOwnershipRange()
+        for dof in fixed[fixed < last - first]:
+            added_to_K.setValue(first + dof, first + dof, 1.0)
+        added_to_K.assemble()
+        use_strain_product(K, S, added_to_K)  # SᵀS + rest
 
     if by_cells is None:
         M = without_zeros(M)
@@ -649,16 +654,6 @@ def assembled_part(
         doubts=doubts,
         thickness=None if along_line else thickness,
     )
-
-
-def _use_strains(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat, fixed: IntArray) -> None:
-    """Add `remainder` to K, and compute products with K from the strains S as SᵀS + rest."""
-    K.axpy(1.0, remainder, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-    first, last = remainder.getOwnershipRange()
-    for dof in fixed[fixed < last - first]:
-        remainder.setValue(first + dof, first + dof, 1.0)
-    remainder.assemble()
-    use_strain_product(K, S, remainder)
 
 
 def _stretched(

@@ -203,7 +203,15 @@ def divided_mesh(mesh: Mesh) -> Mesh:
 
 def interpolation_matrix(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:
     """Matrix (rows of `fine`, rows of `part`) that interpolates displacements of `part`."""
-    places = _places_of_halves(part)
+    corners = part.mesh.geometry.corners
+    shape = halving_scheme(part.mesh.cell)
+    lattice = np.vstack([corners, *(corners[vertices].mean(axis=0) for vertices in shape.members)])
+    kind, family = getattr(basix.CellType, part.mesh.cell), basix.ElementFamily.P
+    variant = basix.LagrangeVariant.gll_warped
+    nodes = np.asarray(basix.create_element(family, kind, part.form.degree, variant).points)
+
+    # reference coordinates (h, functions, dim) of the nodes of the h cells that divide a cell
+    places = weights_at(part.mesh.cell, 1, nodes) @ lattice[shape.halves]
     input_number = np.asarray(fine.mesh.dolfinx.topology.original_cell_index)
     parent, half = np.divmod(input_number, len(places))
 
@@ -221,17 +229,6 @@ def interpolation_matrix(part: MeshedStructure, fine: MeshedStructure) -> scipy.
     shape = tuple(compat.local_size(entry.form.space) for entry in (fine, part))
     entries = values.ravel(), (rows.ravel(), columns.ravel())
     return scipy.sparse.csr_matrix(entries, shape=shape)
-
-
-def _places_of_halves(part: MeshedStructure) -> Array:
-    """Reference coordinates (h, functions, dim) of the nodes of the h cells that divide a cell."""
-    corners = part.mesh.geometry.corners
-    shape = halving_scheme(part.mesh.cell)
-    lattice = np.vstack([corners, *(corners[vertices].mean(axis=0) for vertices in shape.members)])
-    kind, family = getattr(basix.CellType, part.mesh.cell), basix.ElementFamily.P
-    variant = basix.LagrangeVariant.gll_warped
-    nodes = basix.create_element(family, kind, part.form.degree, variant).points
-    return np.asarray(weights_at(part.mesh.cell, 1, np.asarray(nodes)) @ lattice[shape.halves])
 
 
 class MeshSource(ABC):

@@ -162,7 +162,17 @@ def second_order_tensors(
     pieces, g = _second_order(structure, phi, pairs)
     static_response = -_static_response(structure, solver, g, phi)
     quartic = sum(_quartic_energies(piece, pairs) for piece in pieces) + g.T @ static_response / 2
-    return _cubic_form(phi.T @ g, pairs, m), 4 * _quartic_form(quartic, pairs, m), static_response
+
+    # as tensors, symmetric without rounding
+    cubic = np.zeros((m, m, m))
+    place = np.zeros((m, m), dtype=int)
+    for n, (i, j) in enumerate(pairs):
+        cubic[:, i, j] = cubic[:, j, i] = phi.T @ g[:, n]
+        place[i, j] = place[j, i] = n
+    H = sum(cubic.transpose(order) for order in permutations(range(3)))
+    fourth = quartic[place[:, :, None, None], place[None, None]]
+    G = sum(fourth.transpose(order) for order in permutations(range(4)))
+    return np.asarray(H) / 6, np.asarray(G) / 6, static_response
 
 
 def _loads_of(piece: _PartMotions, pairs: list[tuple[int, int]]) -> Array:
@@ -203,20 +213,3 @@ def _quartic_energies(piece: _PartMotions, pairs: list[tuple[int, int]]) -> Arra
         stress = eta @ (points.stiffness[span] * points.weight[span, None, None])
         total += np.tensordot(stress, eta, axes=([0, 2], [0, 2]))
     return total / 8
-
-
-def _cubic_form(values: Array, pairs: list[tuple[int, int]], m: int) -> Array:
-    """Tensor H (m, m, m) from `values` φ_kᵀg_ij (m, pairs), symmetric without rounding."""
-    H = np.zeros((m, m, m))
-    for n, (i, j) in enumerate(pairs):
-        H[:, i, j] = H[:, j, i] = values[:, n]
-    return np.asarray(sum(H.transpose(order) for order in permutations(range(3)))) / 6
-
-
-def _quartic_form(values: Array, pairs: list[tuple[int, int]], m: int) -> Array:
-    """Symmetric part (m, m, m, m) of the matrix `values` (pairs, pairs), Q_(ij)(kl)."""
-    place = np.zeros((m, m), dtype=int)
-    for n, (i, j) in enumerate(pairs):
-        place[i, j] = place[j, i] = n
-    Q = values[place[:, :, None, None], place[None, None]]
-    return np.asarray(sum(Q.transpose(order) for order in permutations(range(4)))) / 24

@@ -378,7 +378,10 @@ class ReleasedSupports:
         for member in self._of.members():
             prefix = f"{member.name}:" if member.name else ""
             for name, dofs in dofs_by_support(member.part).items():
-                centres[prefix + name] = centre = _dof_centre(member, dofs)
+                x, comm = member.nodes[dofs // member.block], member.part.comm
+                count = comm.allreduce(len(x))
+                centre = np.asarray(comm.allreduce(x.sum(axis=0)) / max(count, 1))
+                centres[prefix + name] = centre
                 motions_of_dofs = member.places.rigid_motions(centre, dofs)
                 moved[prefix + name] = member.first + dofs, motions_of_dofs
 
@@ -435,15 +438,6 @@ class ReleasedSupports:
         attached = self._assembly.added
         extra = attached.forces(motions) if which == "K" else attached.inertial_loads(motions)[0]
         return np.asarray(free + extra)
-
-
-def _dof_centre(member: Member, dofs: IntArray) -> Array:
-    """Mean coordinates (3,) of the nodes that have `dofs` of a part, over all ranks of the part."""
-    coordinates = member.nodes[dofs // member.block]
-    comm = member.part.comm
-    total = comm.allreduce(coordinates.sum(axis=0))
-    count = comm.allreduce(len(coordinates))
-    return np.asarray(total / max(count, 1))
 
 
 def support_names(supports: Sequence[Support], used: Container[str] = ()) -> list[str]:
