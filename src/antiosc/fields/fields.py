@@ -5,9 +5,8 @@ w(x, t) = λ0 ψ0(x) + Σ (λi − λ0) ψi(x). `write_series` evaluates it at a
 files that ParaView opens; `antiosc.fields.probe` evaluates it at one point for all times.
 
 The reaction of a support follows from a motion g of the whole mesh: a unit rigid motion on the dofs
-of this support, zero on those of the others, and in static equilibrium elsewhere
-(K_ff g_f = −K_fs g_s). The stiffness does no work on g, so that the virtual work of all forces on g
-is the reaction,
+of this support, zero on those of the others, and in static equilibrium elsewhere (K_ff g_f = −K_fs
+g_s). The stiffness does no work on g, so that the virtual work of all forces on g is the reaction,
 
     R = gᵀM u'' − gᵀb F.
 

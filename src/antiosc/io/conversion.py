@@ -2,13 +2,12 @@
 
 A mesh here has cells of one kind. If a deck has volumes of several shapes, wedges, pyramids or
 collapsed hexahedra, all are divided into tetrahedra; triangles and quadrilaterals become triangles,
-unless they are joined as two meshes (`mixed`).
-Every cell is divided into the pyramids from its node of lowest number over the faces without this
-node, and every rectangle from its node of lowest number. Two cells therefore divide the face
-between them in the same way without knowing each other (the pulling triangulation: C. W. Lee,
-*Subdivisions and triangulations of polytopes*, 1997). New nodes in the middle of faces, cells and
-diagonals lie where the serendipity functions of the element place them, so that curved surfaces
-keep their shape.
+unless they are joined as two meshes (`mixed`). Every cell is divided into the pyramids from its
+node of lowest number over the faces without this node, and every rectangle from its node of lowest
+number. Two cells therefore divide the face between them in the same way without knowing each other
+(the pulling triangulation: C. W. Lee, *Subdivisions and triangulations of polytopes*, 1997). New
+nodes in the middle of faces, cells and diagonals lie where the serendipity functions of the element
+place them, so that curved surfaces keep their shape.
 """
 
 from __future__ import annotations

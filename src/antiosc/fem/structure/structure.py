@@ -302,10 +302,9 @@ class Structure(ReprMixin):
     prestress : PrestressedState or None
         Reserve to buckling, displacement and stress under the prestress.
     K, M : PETSc.Mat or scipy.sparse.csr_matrix
-        Stiffness (N/m) and mass (kg). Fixed dofs keep their rows: 1 on K's diagonal, 0 in M.
-        Those of 20 000 or more dofs of quadratic isotropic tetrahedra are of
-        PETSc's type python: products are taken from the cells, entries are made by
-        `petsc_algebra.with_entries`.
+        Stiffness (N/m) and mass (kg). Fixed dofs keep their rows: 1 on K's diagonal, 0 in M. Those
+        of 20 000 or more dofs of quadratic isotropic tetrahedra are of PETSc's type python:
+        products are taken from the cells, entries are made by `petsc_algebra.with_entries`.
     dofs : int
         Dofs that are not fixed, on all ranks.
     fixed : ndarray of int

@@ -15,11 +15,9 @@ cell would cost more than the cells that this saves.
 If the size of a cell with error η² becomes s h, its error becomes s^(2p) η², and 1/s^d cells
 replace it (p the order of the elements, d the dimension). Among all sizes with the same total error
 those with s = λ (η²)^(-1/(q + d)), q = 2p, take the fewest cells (Ladevèze, Coffignal and Pelle,
-1986). But the largest errors are those at inner edges, where q is that of the singularity, whatever
-p is: 1.09 at a right angle (Williams, J. Appl. Mech. 19 (1952) 526). In space, where such edges
-hold many cells, sizes for q = 1 leave 0.7 of the error on a stiffened panel with as many cells as
-for q = 3, and the same error on parts without such edges. In the plane the singularities are
-corners.
+1986). But the largest errors are those at inner edges, where q is that of the singularity: 1.09 at
+a right angle (Williams, J. Appl. Mech. 19 (1952) 526). In space sizes for q = 1 leave 0.7 of the
+error of those for q = 3 on a stiffened panel, and the same error on parts without such edges.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 """Constraint modes: Kφ = ω²Mφ in the space Bᵀφ = 0, on the structure's one factorization.
 
-With A = K + sM and Y = A⁻¹B, B the loads of one site or several, the solution of A x = r under
-Bᵀx = 0 is A⁻¹r − Y (BᵀY)⁻¹BᵀA⁻¹r.
-Krylov eigensolvers (SLEPc's, or SciPy's ARPACK) use this operator as their shift-and-invert
-transformation. No row is deleted and there is only one factorization. Without the constraint the
-same solver computes the natural modes of the structure.
+With A = K + sM and Y = A⁻¹B, B the loads of one site or several, the solution of A x = r under Bᵀx
+= 0 is A⁻¹r − Y (BᵀY)⁻¹BᵀA⁻¹r. Krylov eigensolvers (SLEPc's, or SciPy's ARPACK) use this operator as
+their shift-and-invert transformation. No row is deleted and there is only one factorization.
+Without the constraint the same solver computes the natural modes of the structure.
 """
 
 from __future__ import annotations

@@ -222,10 +222,9 @@ def extract(
         Number of anti-oscillators, default 20; with `band` the largest number. The result has fewer
         if the structure has fewer observable modes at the site.
     method : "krylov" or "modes"
-        "krylov": the most accurate Z(ω) for n solves. The lower anti-oscillators
-        (`info.converged` of them) have converged to antiresonances of the structure; the upper
-        ones represent all higher antiresonances. "modes": the n lowest antiresonances, by SLEPc, as
-        in the article.
+        "krylov": the most accurate Z(ω) for n solves. The lower anti-oscillators (`info.converged`
+        of them) have converged to antiresonances of the structure; the upper ones represent all
+        higher antiresonances. "modes": the n lowest antiresonances, by SLEPc, as in the article.
     tol : float, optional
         Share in |Z| at the frequency of a mode, at 1 % damping, below which the mode is
         unobservable: it is not counted, and its mass is added to m0. Default: a hundredth of
