@@ -118,7 +118,7 @@ MATRICES = [
     (np.eye(2), [[1, 0], [0, np.inf]], "M holds NaN or infinite entries"),
     ([[2, 1], [0, 1]], np.eye(2), "K must be symmetric"),
     (np.eye(2), [[1, 2], [0, 1]], "M must be symmetric"),
-    (np.eye(3), np.eye(2), "one size; got 3 and 2 rows"),
+    (np.eye(3), np.eye(2), "alike; got 3 and 2 rows"),
     (np.ones((2, 3)), np.eye(2), "K must be square; got 2 rows and 3 columns"),
     (np.zeros((0, 0)), np.zeros((0, 0)), "K must be square; got 0 rows"),
 ]

@@ -127,7 +127,7 @@ WRONG = {
     "op4 second": (op4() + COLUMNS + END + "MAA\n", 8, "name"),
     "op4 full fields": (
         op4(rows=12345678, columns=12345678) + "1234567812345678       1\n" + E24[0]
-                        + "\n" + row(12345679, 1, 1) + E24[0] + "\n", None, "together"),
+                        + "\n" + row(12345679, 1, 1) + E24[0] + "\n", None, "entries"),
 }  # fmt: skip
 
 

@@ -208,9 +208,7 @@ def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> No
         lacks |= unused > 0 or last[:1] != [b"f"] or len(last) < 4
 
     if lacks:
-        raise MeshError(
-            f"{name} is damaged: {unused} of {count} corners of {len(faces)} triangles are unused."
-        )
+        raise MeshError(f"{name} is damaged: {unused} of {count} corners are in no triangle.")
 
 
 def read(request: Request) -> FileMesh:

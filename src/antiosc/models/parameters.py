@@ -235,9 +235,7 @@ def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> Param
     for name in SEVERAL_SITES_ONLY:
         value = getattr(model, name)
         if not (value is None or (isinstance(value, dict) and not value)):
-            raise InputError(
-                f"{name} belongs to a model of several sites: give its P and names of sites too."
-            )
+            raise InputError(f"{name} belongs to several sites: give P and the names of sites too.")
 
     m = checks.positives("m", model.m, "kg")
     if m.shape != omega.shape:

@@ -454,9 +454,7 @@ def _layers(sheet: Sheet) -> list[Layer]:
     if isinstance(sheet, Laminate):
         return list(sheet.layers)
     if isinstance(sheet, GivenSheet):
-        raise InputError(
-            "a shell given by its stiffnesses has no known stresses; probe section forces instead."
-        )
+        raise InputError("stresses of given stiffnesses are not known; probe section forces.")
 
     return [Layer.isotropic(sheet.E, sheet.nu, sheet.rho, sheet.thickness)]  # type: ignore[attr-defined]
 

@@ -117,8 +117,7 @@ def _points_around(place: Place, end: End, radius: float) -> WeightedPoints:
     if len(in_radius) < CUT_POINTS:
         raise InputError(
             f"the elements at {end_text(end)} are too large for this radius, up to "
-            f"{2 * faces.radii[near].max(initial=0.0):.3g} m: refine the mesh there, or enlarge "
-            "the radius."
+            f"{2 * faces.radii[near].max(initial=0.0):.3g} m: refine them, or enlarge it."
         )
 
     selected = WeightedPoints(*(getattr(points, f.name)[in_radius] for f in fields(WeightedPoints)))

@@ -401,9 +401,8 @@ class Rigid(Joint):
         nodes = nodes[~np.isin(nodes, block[in_member])]  # the point itself may be in the group
         if not leader.has_rotations(layout.rotations):
             raise InputError(
-                f"{label}: the point {end_text(point)} does not rotate, so that nothing can "
-                "follow its rotation: take a reference point (points={...}), or a point of a beam "
-                "or a shell."
+                f"{label}: the point {end_text(point)} does not rotate, so that nothing can follow "
+                "it: take a reference point, or a point of a beam or a shell."
             )
         if not len(nodes):
             raise InputError(f"{label}: {self.group!r} holds nothing but the point it follows.")

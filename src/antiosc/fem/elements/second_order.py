@@ -326,10 +326,7 @@ def _points_by_rule(part: MeshedStructure, degree: int) -> PartPoints:
             local: _FamilyAtPoints = local_of(part, cells, J)
             break
     else:
-        raise InputError(
-            f"stretch takes Shell, Laminate, Solid, AnisotropicSolid and Beam; got"
-            f" {type(material).__name__}."
-        )
+        raise InputError("stretch is of Shell, Laminate, Solid, AnisotropicSolid, Beam alone.")
 
     # derivatives (n, d, functions) of the functions of the nodes along the directions
     slopes = np.tile(compat.tabulate_slopes(space, (0,), X), (count, 1, 1))

@@ -148,8 +148,7 @@ def quiet_compiler() -> Iterator[None]:
         ) from None
     except OSError as error:
         raise InputError(
-            f"compiled finite elements cannot be written ({error}): set XDG_CACHE_HOME to a folder "
-            "that can."
+            f"finite elements cannot be compiled ({error}): set XDG_CACHE_HOME to a folder for it."
         ) from error
 
 

@@ -423,9 +423,8 @@ def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
     rounding = np.finfo(float).eps * (cancelled + values[-1])
     if values[0] <= rounding:
         raise AccuracyError(
-            f"the lowest elastic frequency is hidden by rounding, ω² = {values[0]:.1e} ± "
-            f"{rounding:.1e} rad²/s²: join parts along faces, not by a hinge or a point, or use "
-            "fewer elements."
+            f"the lowest elastic ω² = {values[0]:.1e} ± {rounding:.1e} rad²/s² is hidden by "
+            "rounding: join parts along faces, not by a hinge or a point, or use fewer elements."
         )
 
     return SHIFT_RATIO * float(values[0])

@@ -309,9 +309,8 @@ def attachment_motions(
     for point, place in zip(points, nearest, strict=True):
         if place.distance > SNAP_SHARE * mesh.extent():
             raise InputError(
-                f"the point {point_text(point)} of a mass, spring or damper is "
-                f"{place.distance:.3g} m off the structure; its nearest point is "
-                f"{point_text(place.x)}."
+                f"the point {point_text(point)} of an attachment is {place.distance:.3g} m off the "
+                f"structure; its nearest point is {point_text(place.x)}."
             )
 
     free = np.ones(compat.local_size(form.space))

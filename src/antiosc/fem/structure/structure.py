@@ -124,9 +124,7 @@ def _check_values(name: str, values: Array) -> None:
         raise InputError(f"{name} holds NaN or infinite entries; antiosc needs finite matrices.")
     largest = np.abs(values).max(initial=0.0)
     if largest > MAX_MAGNITUDE:
-        raise InputError(
-            f"{name} has an entry of {largest:g}; none may exceed {MAX_MAGNITUDE:g} in magnitude."
-        )
+        raise InputError(f"{name} has an entry of {largest:g}; none may exceed {MAX_MAGNITUDE:g}.")
     if 0.0 < largest < MIN_MAGNITUDE:
         raise InputError(f"{name} has no entry above {largest:g}: is it in SI units?")
 
@@ -167,8 +165,7 @@ def _checked_damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
     """C without the rows of fixed dofs; InputError if it is not a damping matrix."""
     if algebra.size(C) != algebra.size(K) or algebra.row_range(C) != algebra.row_range(K):
         raise InputError(
-            f"C must be of the size and distribution of K; got {algebra.size(C)} rows for "
-            f"{algebra.size(K)}."
+            f"C must be distributed as K; got {algebra.size(C)} rows for {algebra.size(K)}."
         )
 
     _checked_diagonal("C", C)

@@ -276,9 +276,8 @@ def _check_sites(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
     for i, radius in enumerate(sites_found.radii):
         if sites_found.depth[i] > radius:
             raise InputError(
-                f"the site at {text(points[i])} lies about {sites_found.depth[i]:.2g} m inside "
-                f"the part, deeper than its radius {radius:g} m: a patch needs a surface; give a "
-                "point on it."
+                f"the site at {text(points[i])} lies about {sites_found.depth[i]:.2g} m inside the "
+                f"part, deeper than its radius {radius:g} m: give a point on a surface."
             )
         if sites_found.share[i] <= 0:
             least, facets = (engineering(x, "m") for x in (radius, sites_found.size[i]))
