@@ -34,20 +34,9 @@ from antiosc.base import process
 from antiosc.base._types import Array, SolverChoice
 from antiosc.base.errors import AccuracyError, NotConvergedError
 from antiosc.fem.linalg import cholmod
-from antiosc.fem.linalg.algebra import (
-    column_products,
-    conjugate_gradients,
-    quotient,
-    uses_strains,
-)
+from antiosc.fem.linalg.algebra import column_products, conjugate_gradients, quotient, uses_strains
 from antiosc.fem.linalg.cholmod import Cholesky, NotPositiveDefiniteError
-from antiosc.fem.linalg.iterative import (
-    Levels,
-    Multigrid,
-    PetscSolver,
-    TwoLevels,
-    coarse_matrix,
-)
+from antiosc.fem.linalg.iterative import Levels, Multigrid, PetscSolver, TwoLevels, coarse_matrix
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS_KEY,
     PRODUCT_KEY,

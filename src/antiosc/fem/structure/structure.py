@@ -165,7 +165,7 @@ def _checked_damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
     """C without the rows of fixed dofs; InputError if it is not a damping matrix."""
     if algebra.size(C) != algebra.size(K) or algebra.row_range(C) != algebra.row_range(K):
         raise InputError(
-            f"C must be distributed as K; got {algebra.size(C)} rows for {algebra.size(K)}."
+            f"C must have the size of K; got {algebra.size(C)} rows for {algebra.size(K)}."
         )
 
     _checked_diagonal("C", C)
