@@ -172,7 +172,7 @@ def test_sites_on_supports_are_counted(steel, mapped):
         ({"where": "none"}, "has no group 'none'"),
         ({"where": []}, "points need the direction"),
         ({"where": [], "direction": (0, 0, 1)}, "at least one point"),
-        ({"where": np.zeros((2, 4)), "direction": (0, 0, 1)}, "points (n, 2 or 3)"),
+        ({"where": np.zeros((2, 4)), "direction": (0, 0, 1)}, r"points \(n, 2 or 3\)"),
         ({"direction": (0, 0, 0)}, "direction must not be the zero vector"),
         ({"n": 0}, "n must be a whole number >= 1"),
         ({"radius": -1.0}, "radius must be > 0"),

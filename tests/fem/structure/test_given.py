@@ -93,7 +93,7 @@ def test_a_coupling_by_penalty_is_right_or_refused(penalty, free):
         (np.array([["1"]]), "must hold real numbers; got entries of type <U1"),
         (np.array([[2.0, None], [None, 2.0]]), "must hold real numbers; got entries of type obj"),
         (np.ma.masked_less(chain(), 0), "must be given without masked entries"),
-        (1e-320 * np.eye(N), r"no entry above 9.99\d+e-321"),
+        (1e-320 * np.eye(N), r"has no entry above 9.99\d+e-321"),
         (1e300 * np.eye(N), r"has an entry of 1e\+300; none may exceed 1e\+60"),
         (np.ones(3), r"must be square; got an array of shape \(3,\)"),
         (None, "must be a SciPy sparse, dense or PETSc matrix; got NoneType"),
