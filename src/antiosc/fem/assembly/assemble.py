@@ -593,7 +593,7 @@ def _point_motions(layout: Layout, where: str | Sequence[float]) -> list[PointMo
     """Motions of the points at which an attachment acts."""
     if not isinstance(where, str):
         if len(where) < 3 and not layout.plane:
-            raise InputError(f"{shown(where)}, where an attachment is, needs x, y and z.")
+            raise InputError(f"{shown(where)} has {len(where)} coordinates: give x, y and z.")
         x = in_space(where)
         (place,) = places_at(layout.members.values(), x[None])
         return [motion_of_end(layout, (place.member.name, tuple(x)))]

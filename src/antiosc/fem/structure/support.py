@@ -85,6 +85,7 @@ class Support(FieldsRepr):
         given_places = [name for name, value in places.items() if value is not None]
         if len(given_places) > 1:
             raise InputError(f"a Support takes one of {', '.join(places)}; got {given_places}.")
+        regions: dict[str, Callable[[object], Region | NumberedNodes]]
         regions = {"near": ball_region, "box": box_region, "plane": plane_region}
         regions["nodes"] = NumberedNodes.of
         if given_places and given_places[0] in regions:
@@ -128,7 +129,7 @@ class Support(FieldsRepr):
         mask = np.asarray(self.where(x.T, **size), dtype=bool)
         if mask.shape != (len(x),):
             raise InputError(
-                f"a support's function returns a bool per point, ({len(x)},); got {mask.shape}."
+                f"a support's function returns bools, shape ({len(x)},); got {mask.shape}."
             )
 
         return mask

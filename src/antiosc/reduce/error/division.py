@@ -202,14 +202,14 @@ def divided_mesh(mesh: Mesh) -> Mesh:
 def interpolation_matrix(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:
     """Matrix (rows of `fine`, rows of `part`) that interpolates displacements of `part`."""
     corners = part.mesh.geometry.corners
-    shape = halving_scheme(part.mesh.cell)
-    lattice = np.vstack([corners, *(corners[vertices].mean(axis=0) for vertices in shape.members)])
+    scheme = halving_scheme(part.mesh.cell)
+    lattice = np.vstack([corners, *(corners[vertices].mean(axis=0) for vertices in scheme.members)])
     kind, family = getattr(basix.CellType, part.mesh.cell), basix.ElementFamily.P
     variant = basix.LagrangeVariant.gll_warped
     nodes = np.asarray(basix.create_element(family, kind, part.form.degree, variant).points)
 
     # reference coordinates (h, functions, dim) of the nodes of the h cells that divide a cell
-    places = weights_at(part.mesh.cell, 1, nodes) @ lattice[shape.halves]
+    places = weights_at(part.mesh.cell, 1, nodes) @ lattice[scheme.halves]
     input_number = np.asarray(fine.mesh.dolfinx.topology.original_cell_index)
     parent, half = np.divmod(input_number, len(places))
 
