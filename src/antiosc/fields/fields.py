@@ -61,9 +61,7 @@ from antiosc.reduce.site.site import Site
 #: Share of the mass shaken by the ground that shapes must represent without a warning.
 MIN_MASS_SHARE = 0.5
 
-#: A model does not belong to a structure if the ratio of the stiffness or of the mass of the two,
-#: on the model's shapes, exceeds this. A model corrected for its mesh is softer, with the same
-#: mass.
+#: Largest ratio of stiffness (a corrected model is softer) and of mass of structure and model.
 MAX_PART_RATIOS = 1.5, 1.01
 
 
@@ -268,8 +266,7 @@ def _static_state_strain(at: ColumnFunction, structure: Structure, shapes: Array
 def with_pair_columns(
     at: ColumnFunction, structure: Structure, history: AnyHistory, body: str, shapes: Array
 ) -> Array:
-    """Strains or stresses (…, B) of a body's `shapes`, second-order ones included, last those of
-    pairs of modes that stretch; `at` as in `_static_state_strain`."""
+    """Strains or stresses (…, B) of `shapes` to second order, last those of pairs of modes."""
     forces = stretch_of_motion(history, body)
     if forces is None:
         linear = at(shapes, False)

@@ -468,8 +468,7 @@ def _excluded_zones(
     r0: float | None,
     held: Array,
 ) -> ExcludedZones:
-    """Places where no margin is judged: near edges of solids and `held` points (n, 3), at contacts
-    but of beams, whose stresses are exact there."""
+    """Places of no margin: near edges of solids, `held` points, and contacts but of beams."""
     module = source(structure)
     families = module.families(structure, part)
     if not families & {"solid", "sheet"}:

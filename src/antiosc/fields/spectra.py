@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 FREQUENCIES_PER_DECADE = 48
 #: … and the lowest frequency [Hz]; lower ones are taken for signals that last longer only.
 DEFAULT_LOWEST_FREQUENCY = 10.0
-#: Samples of a period of each oscillator. Extremes are those of parabolas through three samples,
-#: which are then within 0.02 % of those of a sine (0.17 % with 12 samples).
+#: Samples of an oscillator's period: extremes by parabolas are within 0.02 % of a sine's.
 SAMPLES_PER_PERIOD = 20
 #: Unequal steps are replaced by this share of their lower decile.
 DECILE_FRACTION = 0.5

@@ -280,8 +280,7 @@ def mesh_model(gmsh: ModuleType, request: Request, scale: float) -> None:
         gmsh.model.mesh.field.setNumbers(smallest, "FieldsList", fields)
         gmsh.model.mesh.field.setAsBackgroundMesh(smallest)
 
-    # Unless a script asks for another algorithm, volumes are meshed by gmsh's Delaunay: HXT is
-    # faster, but its meshes of one part differ from run to run.
+    # volumes by gmsh's Delaunay unless a script asks: meshes by HXT differ from run to run
     if request.around > ELEMENTS_PER_TURN:  # the second attempt
         gmsh.option.setNumber("Mesh.Algorithm", 6)
         gmsh.option.setNumber("Mesh.Algorithm3D", 1)

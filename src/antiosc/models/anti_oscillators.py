@@ -53,7 +53,6 @@ from antiosc.models.stretch import Stretch
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from antiosc.models.recurrence import Recurrence
 
 FORMAT_NAME = "antiosc-model"
 #: the only version that is read
@@ -155,12 +154,23 @@ def saved_arguments(path: str | os.PathLike[str]) -> NamedValues:
     header, arrays = read_model_file(path, {"m0", "k0", "omega"})
 
     try:
-        inertia, stretch, recurrence = (_arrays_of_part(arrays, part) for part in _ARRAYS_OF_PART)
+        inertia, stretch, recurrence = (
+            [arrays[key] for name in names if (key := f"{part}.{name}") in arrays]
+            for part, names in _ARRAYS_OF_PART.items()
+        )
+        loaded = None
+        if recurrence:
+            from antiosc.models.recurrence import Recurrence  # loaded where it is used
+
+            *matrices, scalars = recurrence
+            n, shift = checks.floats("scalars", scalars, (2,)).tolist()
+            loaded = Recurrence(*matrices, int(n), shift)
+
         return {
             **{name: arrays.get(name) for name in _MODEL_ARRAYS},
             "inertia": Inertia(*inertia) if inertia else None,
             "stretch": Stretch(*[*stretch, header["stretch"]]) if stretch else None,
-            "recurrence": _loaded_recurrence(*recurrence) if recurrence else None,
+            "recurrence": loaded,
             "damping": _loaded_damping(header["damping"]),
             "info": ModelInfo.of(header["info"]),
             "sites": tuple(header["sites"]),
@@ -170,22 +180,6 @@ def saved_arguments(path: str | os.PathLike[str]) -> NamedValues:
         }
     except (InputError, KeyError, TypeError, ValueError) as error:
         raise damaged_file(path, error) from error
-
-
-def _loaded_recurrence(
-    k0: Array, mass: Array, start: Array, H: Array, scalars: Array
-) -> Recurrence:
-    """The recurrence with arrays of a model file; `scalars`: its n and shift."""
-    from antiosc.models.recurrence import Recurrence  # loaded where it is used
-
-    n, shift = checks.floats("scalars", scalars, (2,)).tolist()
-    return Recurrence(k0, mass, start, H, int(n), shift)
-
-
-def _arrays_of_part(arrays: Arrays, part: str) -> list[Any]:
-    """Arrays of the `part` of a model ("inertia", "stretch", …) in a file; [] if it has none."""
-    names = (f"{part}.{name}" for name in _ARRAYS_OF_PART[part])
-    return [arrays[name] for name in names if name in arrays]
 
 
 def damaged_file(path: str | os.PathLike[str], error: Exception) -> InputError:

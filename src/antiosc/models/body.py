@@ -12,7 +12,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from math import inf, pi, sqrt
 from typing import (
     TYPE_CHECKING,
@@ -133,12 +132,6 @@ class ModelInfo(ReprMixin):
         for site, numbers in (self.cells or {}).items():
             checks.floats(f"info.cells[{site!r}]", numbers, (3,))
 
-    @cached_property
-    def known_surfaces(self) -> dict[str, Surface]:
-        """Site -> surface, for sites whose material and curvature are known."""
-        surfaces = (self.surfaces or {}).items()
-        return {name: Surface.of(table) for name, table in surfaces if UNKNOWN_SURFACE not in table}
-
     def as_dict(self) -> dict[str, object]:
         """The known data as JSON values."""
         attributes = {name: getattr(self, name) for name in _ATTRIBUTE_NAMES}
@@ -252,9 +245,8 @@ class Body:
 
     def surface(self, site: str = "") -> Surface | None:
         """The surface at a site, which determines the law of a contact; None if unknown."""
-        if isinstance(site, str):
-            return info_of(self).known_surfaces.get(site)
-        return None
+        table = (info_of(self).surfaces or {}).get(site) if isinstance(site, str) else None
+        return Surface.of(table) if table and UNKNOWN_SURFACE not in table else None
 
     def modal(self) -> ModalBody:
         """The body in free modes, seen from its contact point."""

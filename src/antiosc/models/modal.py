@@ -303,7 +303,7 @@ class ModalBase(ReprMixin):
         """Modal velocities (J,) of a motion; InputError if supports restrain it."""
         if self.inertia is None:
             raise InputError(
-                "this body's rigid-body inertia is not known: give its velocity as a number."
+                "this body has no known rigid-body inertia: give its velocity as a number."
             )
 
         start, lost = self._rigid_projection(self.inertia, motion.at(self.inertia))

@@ -167,8 +167,7 @@ class Parameters(Body):
 
 
 def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array | None:
-    """Participation of psi_0, psi_i from that of lambda_0, lambda_i (Article eq. (8)), or with
-    `sign` -1 the reverse; named sites: unchanged."""
+    """Participation of psi from that of lambda (Article eq. (8)), or with `sign` -1 reversed."""
     if values is None or sites:
         return values
     values = np.array(values)

@@ -36,8 +36,7 @@ MASSLESS_RATIO = 1e-15
 
 
 def free_modes(model: Parameters) -> ModalBody | SiteModes:
-    """The free modes of a model, hidden rigid ones first, in lambda (one site without a name) or u
-    and eta (several), then amplitudes of the hidden motions."""
+    """The free modes of a model in lambda, or u and eta; those of hidden motions come first."""
     p, hidden = model.n_sites, model.hidden_count
 
     # coordinates from u and eta, amplitudes of shapes from these (Article (8))

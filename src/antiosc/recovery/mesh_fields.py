@@ -48,8 +48,7 @@ POINTS_AT_ONCE = 4096
 def tensors_of_part(
     part: MeshedStructure, shapes: Array, quantity: str, place: Place, materials: Sequence[int]
 ) -> tuple[IntArray, IntArray, Array]:
-    """(nodes (S,), materials (S,), components (S, 6, columns)) of a part's tensors on this rank, of
-    these `materials`; all ranks call it."""
+    """(nodes (S,), materials (S,), tensors (S, 6, columns)) of a part on this rank; collective."""
     mesh = part.mesh
     shapes = compat.with_ghosts(part.form.space, shapes)
     evaluate = evaluator(part, quantity, place)

@@ -119,8 +119,7 @@ class PointsInCells:
         return np.einsum("pf,pfck->pck", table, dofs, optimize=True)
 
     def slopes(self, dofs: Array, inverse: Array | None = None) -> Array:
-        """Derivatives (P, components, tdim, columns) by reference coordinates; with inverse
-        Jacobians (P, tdim, d) (P, components, d, columns) by d coordinates."""
+        """Derivatives (P, components, tdim, columns) by X, or with inverse Jacobians by x."""
         tdim = self.part.mesh.tdim if inverse is None else inverse.shape[2]
         if not len(self.X):
             return np.zeros((0, dofs.shape[2], tdim, dofs.shape[3]))

@@ -168,8 +168,7 @@ def _solved(system: _System) -> tuple[Sparse, IntArray, Counter[str]]:
 
 
 def _triangular_rounds(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]:
-    """([(rows, dofs for which they are solved)] by rounds, remaining rows). No other row of its
-    round, or of a later one, contains the dof of a row."""
+    """([(rows, dofs for which they are solved, in no later row)] by rounds, remaining rows)."""
     rounds: list[tuple[IntArray, IntArray]] = []
     remaining = np.arange(system.C.shape[0])
     while len(remaining):

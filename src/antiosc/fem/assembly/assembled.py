@@ -438,8 +438,7 @@ def group_of(matrices: PartsMatrices, name: str, what: str = "point") -> tuple[M
 def point_on_parts(
     matrices: PartsMatrices, point: Sequence[float] | str | None, part: str | None, node: int | None
 ) -> tuple[Array, str | None, PointMotion | None]:
-    """(coordinates (3,) [m], part or None, motion without a mesh or None) of a point by
-    coordinates, by name, or by the number of a node in its file."""
+    """(coordinates (3,) [m], part, motion without a mesh), the latter or None, of any point."""
     if node is not None:
         for member in matrices.members(part):
             mesh = member.part.mesh

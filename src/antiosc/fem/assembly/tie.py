@@ -300,8 +300,7 @@ class _Projection:
     load: Sparse  # (nodes, points) φ times the weights of the points
 
     def component(self, free: BoolArray, motion: Sparse, layout: Layout, dofs: IntArray) -> Sparse:
-        """One component of the free nodes by the leader's, `motion` (points, n), and the nodes that
-        are not free; `dofs`: those of the component at all nodes."""
+        """One component, on `dofs` of all nodes, of the free ones by the leader's (points, n)."""
         spread, inverse = self._inverted(free)
         right = spread @ self.load @ motion
         fixed_columns = (spread @ self.D).tocsc()[:, ~free]

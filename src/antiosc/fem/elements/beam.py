@@ -35,8 +35,7 @@ if TYPE_CHECKING:
 
     from antiosc.fem.mesh import Mesh
 
-#: Shear stiffness of an Euler–Bernoulli beam over EI/L², for the size L of the mesh: the shear
-#: deflection of a member of length l is 3e-10 (L/l)² of its bending deflection.
+#: Shear stiffness of an Euler–Bernoulli beam over EI/L²: deflections are 3e-10 (L/l)² too large.
 SHEAR_PENALTY = 1e10
 
 

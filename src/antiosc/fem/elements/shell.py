@@ -301,8 +301,7 @@ def _cubic_remainders() -> Array:
     return np.round(120 * result) / 120
 
 
-#: Quadrilaterals: the fully integrated shares are t²/(t² + 10 h²) of the shear energy and
-#: t²/(t² + 1000 s²) of the membrane energy, s being the rise of a curved cell over its chords.
+#: Full integration of quadrilaterals: t²/(t² + 10 h²) of shear, t²/(t² + 1000 s²) of a rise s.
 SHEAR_FACTOR = 10.0
 MEMBRANE_FACTOR = 1000.0
 #: Patch radius over thickness with which a plate deforms as a solid without its dent (measured).

@@ -312,19 +312,15 @@ class Tetrahedra:
 
     def product(self, x: Array, k: float, m: float, linear: bool = False) -> Array:
         """(k K + m M) x, of any precision (rows of this rank[, columns]); `linear`: see `Cells`."""
-        if x.ndim == 1:
-            return self._of_vector(x, k, m, linear)
-        result = np.empty(x.shape, x.dtype, order="F")
-        for j, column in enumerate(x.T):
-            result[:, j] = self._of_vector(column, k, m, linear)
-        return result
+        columns = x if x.ndim > 1 else x[:, None]
+        result = np.empty(columns.shape, x.dtype, order="F")
+        for j, column in enumerate(columns.T):
+            u, out = self.vector(x.dtype), self.vector(x.dtype)
+            u[: self.rows] = column
+            self.add(k, m, u, out, linear)
+            result[:, j] = out[: self.rows]
 
-    def _of_vector(self, x: Array, k: float, m: float, linear: bool) -> Array:
-        """`product` for one vector."""
-        u, result = self.vector(x.dtype), self.vector(x.dtype)
-        u[: self.rows] = x
-        self.add(k, m, u, result, linear)
-        return result[: self.rows]
+        return result.reshape(x.shape)
 
     def vector(self, dtype: np.dtype[Any] | type[np.floating[Any]]) -> Array:
         """A zero vector on the dofs of this rank, ghosts included."""

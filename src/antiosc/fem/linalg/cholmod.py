@@ -238,9 +238,7 @@ class _Memory:
 
 
 class Cholesky:
-    """P A Pᵀ = L Lᵀ of a sparse symmetric positive definite matrix, ordered by nodes of `block`
-    rows, or as a `permutation` has it; OutOfMemoryError, NotConvergedError,
-    MissingDependencyError."""
+    """P A Pᵀ = L Lᵀ of a sparse matrix in `block` rows a node, or with a known `permutation`."""
 
     def __init__(
         self, A: scipy.sparse.csr_matrix, block: int = 1, permutation: IntArray | None = None

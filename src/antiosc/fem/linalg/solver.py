@@ -117,8 +117,7 @@ def _factor_seconds(entries: float) -> float:
     return FACTOR_ENTRY_SECONDS * entries + FACTOR_WORK_SECONDS * entries**1.5
 
 
-#: (c, p): the factor of a structure of shells has some c dofs^p entries. A bottle of 12 000 to
-#: 198 000 dofs has c = 52 to 54.
+#: (c, p): the factor of shells has c dofs^p entries: c = 52 to 54 of bottles.
 SHELL_FILL = 53.0, 1.15
 #: Bytes for each dof and anti-oscillator: the bottle took 6 GB with 792 000 dofs.
 SHAPE_BYTES = 16.0
@@ -277,8 +276,7 @@ SYMMETRIC_ORDER: dict[str, object] = {
 
 
 class SuperLU(Factorization):
-    """A factor P A Pᵀ = L D Lᵀ by SuperLU with pivots on the diagonal: a matrix that is not
-    positive definite has a pivot that is not positive (Sylvester), or one off the diagonal."""
+    """P A Pᵀ = L D Lᵀ by SuperLU: without positive pivots on the diagonal A is not definite."""
 
     def _set_up(self) -> None:
         try:

@@ -209,8 +209,7 @@ class MumpsFactor(PetscSolver, Factorization):
 
 
 def entries_by_mumps(A: PETSc.Mat) -> float:
-    """Forecast of the entries of MUMPS's factor, 0 without node blocks, by one of the rows of one
-    displacement component of b: 1/b² of the entries, 1/b³ of the operations."""
+    """Forecast of MUMPS's entries by one displacement component of b: 1/b² of them; or 0."""
     block = A.getBlockSize()
     if block == 1:
         return 0.0

@@ -257,8 +257,7 @@ def refuse_degenerate(mesh: Mesh) -> None:
 
 
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:
-    """`points` with mid-side nodes of folded cells moved to the middle of their edges, again for
-    neighbours that fold over thereby."""
+    """`points` with mid-side nodes of folded cells, and of cells that then fold, in the middle."""
     points = points.copy()
     edges = np.array(SIMPLEX_EDGES[shape])
     first = int(edges.max()) + 1

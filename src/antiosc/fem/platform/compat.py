@@ -423,8 +423,7 @@ def _assembled(form: fem.Form, rows: int) -> Array:
 def cell_energies(
     forms: Sequence[ufl.Form], space: fem.FunctionSpace, vectors: Array, weights: Array, degree: int
 ) -> Array:
-    """Σ of weight × xᵀ A_c x over columns x of `vectors`, (cells,) of this rank, A_c of the sum of
-    bilinear `forms`, to this `degree`."""
+    """Σ weight × xᵀ A_c x over columns x of `vectors`, (cells,), A_c of the sum of `forms`."""
     x = fem.Function(space)
     cell = cellwise_function(space.mesh)
     q = ufl.TestFunction(cell.function_space)

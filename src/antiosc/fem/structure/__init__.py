@@ -274,8 +274,7 @@ def projected(comm: MPI.Comm, terms: Sequence[Dissipation], V: Array) -> Damping
     return from_factors(viscous, [(L, tau) for L, tau in factors if tau is not None])
 
 
-#: Force or energy of r over that of the entries (`antiosc.fem.linalg.algebra`) below which r counts
-#: as a rigid-body mode; rounding leaves about 1e-16.
+#: Force or energy of rigid r over that of the entries; rounding leaves about 1e-16.
 RIGID_FORCE = 1e-11
 #: Shift over the estimate of the first elastic ω²: modes converge fast, A stays well conditioned.
 SHIFT_RATIO = 0.1
@@ -287,8 +286,7 @@ INDEFINITE_MESSAGE = (
     "and the signs, that no penalty exceeds 1e8 times the usual entries, and that the load in K "
     "is below buckling."
 )
-#: Steps of iterative refinement of K's null vectors, each a tenth of the error; inverse iteration
-#: alone stops at the rounding of its solves, 10² to 10⁶ times the rounding of Kr.
+#: Steps of refinement of K's null vectors, whose error is rounding of solves, each a tenth of it.
 REFINEMENT_STEPS = 4
 #: A first shift that is more than this too high is replaced: Krylov spaces then converge slowly.
 SHIFT_EXCESS = 0.1
@@ -304,8 +302,7 @@ def modes_and_shift(
     if regular is not None:
         return np.zeros((n, 0)), 0.0, regular
 
-    # Block inverse iteration, first far below the top of the spectrum; then again from the
-    # elastic value that it finds, so that the shift sits where the modes are.
+    # inverse iteration far below the top of the spectrum, then from the elastic value it finds
     shift = 1e-7 * typical_eigenvalue(K, M)
     rng = np.random.default_rng(comm.rank)
     block = (

@@ -162,8 +162,7 @@ class Member:
 
 @dataclass(eq=False)
 class PartsMatrices(StructureMatrices):
-    """K = Tᵀ K_b T and M of parts with meshes, whose motions are u = T q (identity but for fixed
-    dofs of a single part)."""
+    """K = Tᵀ K_b T and M of parts with meshes, whose motions are u = T q."""
 
     meshed: ClassVar[bool] = True
 

@@ -115,8 +115,7 @@ def error_energies(part: MeshedStructure, shapes: Array) -> Array:
 
 
 def strain_errors(part: MeshedStructure, shapes: Array) -> Iterator[tuple[IntArray, Array]]:
-    """Yield (cells (n,), R e √w (n, points · components, k)): the strain errors e of `shapes`
-    (rows, k) at quadrature points of weight w, times a root R of the stiffness RᵀR."""
+    """Yield (cells, R e √w (n, points · components, k)) of strain errors e, stiffness RᵀR."""
     strains = Strains(part, shapes)
     k = shapes.shape[1]
     for root, cells in _regions(part):
@@ -246,8 +245,7 @@ class Projection:
 
 #: Most dofs of a divided mesh: 767 000 took 50 s of one core.
 MOST_DIVIDED_DOFS = 800_000
-#: Anti-oscillators for which the memory of the divided mesh is foreseen, and bytes of their
-#: motions, forces and answers for each of its dofs: 309 000 dofs took 4.5 GB, 767 000 some 12 GB.
+#: Anti-oscillators for which the divided mesh's memory is foreseen, bytes of each for a dof.
 FORESEEN_COUNT, BYTES_PER_DOF = 150, 52.0
 
 
@@ -291,18 +289,13 @@ def refusal(matrices: PartsMatrices) -> str:
 
 
 class ModelErrors:
-    """The estimates of the mesh's error for the models of one structure.
-
-    Attributes
-    ----------
-    skipped : why the models get no estimate, which their bars tell; "" if they get one.
-    """
+    """The estimates of the mesh's error for the models of one structure."""
 
     def __init__(self, structure: Structure) -> None:
         if not structure.matrices.meshed:
             raise InputError("the error of a mesh needs the mesh: given matrices have none.")
         self._matrices = cast("PartsMatrices", structure.matrices)
-        self.skipped = refusal(self._matrices)
+        self.skipped = refusal(self._matrices)  # why there is no estimate, told by bars, or ""
 
     def check(self) -> None:
         """InputError for a structure whose models cannot have error bars at all."""

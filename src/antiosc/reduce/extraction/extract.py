@@ -80,8 +80,7 @@ def _model_at(
     spent: float,
     errors: ModelErrors | None,
 ) -> AntiOscillators:
-    """The model of one group of sites; `solver` of K + sM, `expanded`: the one of a larger shift
-    and this; `spent`: time to find the sites [s]."""
+    """The model of a group of sites by factors of K + sM and `expanded`; `spent` [s] on sites."""
     start_time = time.perf_counter()
     terms = structure.matrices.dissipation()
     refused = {

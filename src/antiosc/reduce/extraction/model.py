@@ -332,17 +332,14 @@ def info_of_model(
         cells=cells or None,
         **structure.matrices.plausibility,
     )
-    return replace(info, thickness=_thickness_at(sites, info.thickness))
+    if info.thickness is None:
+        return info
 
-
-def _thickness_at(sites: Sites, least: float | None) -> float | None:
-    """Least thickness [m] of sheets at the sites; `least`, the structure's, at others."""
-    if least is None:
-        return None
-    places = [site.place for site in sites.values()]
-    materials = [place.material for place in places if place is not None]
+    # that of sheets at the sites; the structure's least one at others
+    least = info.thickness
+    materials = [site.place.material for site in sites.values() if site.place is not None]
     found = [getattr(getattr(one, "section", None), "thickness", least) for one in materials]
-    return min(found, default=least)
+    return replace(info, thickness=min(found, default=least))
 
 
 def model_of(

@@ -117,8 +117,7 @@ def _second_order(
 
 
 def excited_motions(omega: Array, B: Array, count: int) -> Array:
-    """Orthonormal combinations (J, m) of free modes omega (J,), B (J, P) that forces at the sites
-    excite: the Krylov space of the flexibility from the local dent Λ⁻¹b."""
+    """Orthonormal combinations (J, m) of free modes that span Krylov's space from Λ⁻¹b."""
     elastic = omega > 0
     if not elastic.any():
         raise InputError("stretch needs a model with elastic modes: raise n.")

@@ -328,8 +328,7 @@ class ReleasedSupports:
         self._rigid = matrices.places.rigid_motions(np.zeros(3))[:, :3]
 
     def inertia(self, following: Array) -> tuple[Array, Array]:
-        """(M g, M r) of the supports' motions g, completed by `following` (rows, 6 S) in static
-        equilibrium, and of unit translations r."""
+        """(M g, M r): g of supports completed by `following` (rows, 6 S), r unit translations."""
         self._motions = self._motions + self._of.expanded(following)
         return self._forces("M", self._motions), self._forces("M", self._rigid)
 

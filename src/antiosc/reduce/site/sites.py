@@ -35,15 +35,13 @@ from antiosc.models.body import CUT_PATCH, NEAR_SUPPORT
 EXTRA_RINGS = 4
 #: Most rings, by the dimension of the faces.
 MOST_RINGS = {1: 500, 2: 60}
-#: The same for the sites of a map. With 16 rings points lie as close as faces of a tenth of the
-#: radius; with 60 finding the 256 sites of a face took 98 s of 115 s of the map.
+#: The same for the sites of a map: 60 rings took 98 s of 115 s of one of 256 sites.
 MOST_RINGS_OF_MAP = {1: 500, 2: 16}
 #: A surface is flat if it rises by less than this share of the radius.
 FLAT_RISE = 1e-6
 #: A patch may rise by this share of its radius.
 MOST_RISE = 0.5
-#: Points of patches that are processed at once: 132 000 around the holes of a plate had 32 million
-#: pairs with faces, and took 5.8 GB.
+#: Points of patches processed at once: 132 000 had 32 million pairs with faces, in 5.8 GB.
 POINTS_AT_ONCE = 20_000
 
 

@@ -62,11 +62,9 @@ LEAST_NORMAL_COSINE = 0.35
 PLANE_DISTANCE = 1e-6
 #: Distance of a middle node from the chord over the length of the side, from which it is curved.
 CURVED_SHARE = 1e-6
-#: The smaller of the two curvatures counts as zero below these multiples of the error and of the
-#: larger one; above the third multiple of the larger one it never does.
+#: Multiples of error and larger curvature below which the smaller is zero; above the third never.
 ZERO_CURVATURE = (3.0, 1e-3, 0.2)
-#: A surface that turns by more than this [rad] within a fit, and by as much within a wider one, has
-#: an edge there: least share of the two turns.
+#: Turn [rad] in a fit, and share of it in a wider one, from which a surface has an edge there.
 EDGE_TURN, SAME_TURN_SHARE = 0.3, 0.9
 #: A sheet is struck on its rim if the direction has less than this cosine to the normal.
 RIM_COSINE = 0.5
@@ -245,16 +243,6 @@ def _mean_normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
     return np.asarray(mean / size if size > 0 else normals[0])
 
 
-def _surface_kind(values: Array, error: float) -> tuple[Array, str]:
-    """(curvatures, zero if within `error` of zero; kind of the surface) of principal curvatures."""
-    largest = float(np.abs(values).max())
-    if largest == 0.0:
-        return values, PLANE
-    limit = max(ZERO_CURVATURE[0] * error, ZERO_CURVATURE[1] * largest)
-    is_flat = np.abs(values) <= min(limit, ZERO_CURVATURE[2] * largest)
-    return np.where(is_flat, 0.0, values), LINE if is_flat.any() else CURVED
-
-
 # -- from the nodes
 
 
@@ -295,7 +283,11 @@ def _curvature_by_fit(smooth: Patch, x: Array, normal: Array) -> Curvature:
     if error > largest / 2 and _are_coplanar(nodes[:FIT_COEFFICIENTS]):
         return _flat_curvature(x, normal)  # a flat beside a rounded edge
 
-    values, kind = _surface_kind(fit.values, error)
+    # curvatures count as zero within the error
+    limit = max(ZERO_CURVATURE[0] * error, ZERO_CURVATURE[1] * largest)
+    is_flat = np.abs(fit.values) <= min(limit, ZERO_CURVATURE[2] * largest)
+    kind = PLANE if largest == 0.0 else LINE if is_flat.any() else CURVED
+    values = np.where(is_flat, 0.0, fit.values)
     return Curvature(kind, values, error, fit.directions, x, fit.normal)
 
 
