@@ -109,7 +109,8 @@ def plot_map(
         raise InputError(f"impact_map must be an ImpactMap; got {checks.shown(impact_map)}.")
     quantities = impact_map.quantities()
     if not isinstance(quantity, str) or quantity not in quantities:
-        raise InputError(f"quantity must be one of {quantities}; got {checks.shown(quantity)}.")
+        names = ", ".join(quantities)
+        raise InputError(f"quantity must be one of {names}; got {checks.shown(quantity)}.")
     outlined = impact_map.doubtful & ~impact_map.doubtful.all()
     value = np.where(outlined, np.nan, quantities[quantity])
     label, unit = MAP_QUANTITIES.get(quantity, (quantity, ""))
@@ -120,7 +121,9 @@ def plot_map(
 
     if triangles:
         faces = impact_map.elements[_front_faces(impact_map, axes)]
-        values = _face_means(value[faces])
+        corners = value[faces]
+        known = (~np.isnan(corners)).sum(axis=1)
+        values = np.where(known > 1, np.nansum(corners, axis=1) / np.maximum(known, 1), np.nan)
         alone = impact_map.alone
         scale = surfaces.colour_scale(np.concatenate([values, value[alone]]))
         doubted = outlined[faces].sum(axis=1) > 1
@@ -163,14 +166,6 @@ def _draw_dots(axes: Axes3D, points: Array, colours: Array, outlined: BoolArray)
     edges = colours.copy()
     colours[outlined, :3], edges[outlined, :3] = 1.0, 0.0
     axes.scatter(*points.T, c=colours, edgecolors=edges, s=30, depthshade=False)
-
-
-def _face_means(value: Array) -> Array:
-    """Mean (T,) of the known corner values (T, 3); NaN where fewer than two are known."""
-    has_value = ~np.isnan(value)
-    count = has_value.sum(axis=1)
-    mean = np.where(has_value, value, 0.0).sum(axis=1) / np.maximum(count, 1)
-    return np.where(count > 1, mean, np.nan)
 
 
 def plot_deformed(

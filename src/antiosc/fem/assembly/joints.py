@@ -87,8 +87,7 @@ class Weld(_Pin):
     point : sequence of floats, optional
         Where they are joined, m; default: the point, or the centroid, of `a`. Ends that lie
         elsewhere are connected to it rigidly.
-    name : str, optional
-        Name of the joint in messages.
+    name : name of the joint in messages, optional
     """
 
     def _constrained(self) -> Array:
@@ -211,8 +210,7 @@ class Equation(Joint):
     terms : sequence of (end, component, coefficient)
         `end` as for `Weld`; `component` is "x", "y", "z", "rx", "ry" or "rz" in the axes of the
         assembly.
-    name : str, optional
-        Name of the equation in messages.
+    name : name of the equation in messages, optional
     """
 
     terms: Sequence[tuple[End, str, float]]
@@ -301,8 +299,7 @@ class Bushing(TwoEnds):
     point : sequence of floats, optional
         Where the springs of x … rz lie, m; default: at `a`. Ends that lie elsewhere are connected
         to it rigidly.
-    name : str, optional
-        Name of the joint in messages.
+    name : name of the joint in messages, optional
     damping : dict, optional
         Component -> N s/m or N m s/rad of a damper. Models have it exactly, however strong it is.
     branches : sequence of (dict, float), optional
@@ -372,8 +369,7 @@ class Rigid(Joint):
     point : end, optional
         The point that is followed: the name of a reference point, ("part", (x, y, z)) of a beam
         or shell, or a group of one point. None: the group is rigid and follows nothing else.
-    name : str, optional
-        Name of the joint in messages.
+    name : name of the joint in messages, optional
     """
 
     group: str = field(metadata=END_CHECK)
@@ -428,8 +424,7 @@ class Mean(Joint):
     point : end
         The point that follows: the name of a reference point, ("part", (x, y, z)), or a group of
         one point, for instance the end of a beam.
-    name : str, optional
-        Name of the joint in messages.
+    name : name of the joint in messages, optional
     """
 
     group: str = field(metadata=END_CHECK)
@@ -453,7 +448,13 @@ class Mean(Joint):
                 "whose mean it should follow; take a group without it."
             )
 
-        directions = _spanning_rows(leader.space @ follower.space)
+        projection = leader.space @ follower.space
+        spanned = np.flatnonzero(np.abs(np.diag(projection) - 1) < 1e-9)
+        directions = np.eye(len(projection))[spanned]
+        if len(spanned) < round(float(np.trace(projection))):
+            values, vectors = np.linalg.eigh(projection)
+            directions = vectors[:, values > 0.5].T
+
         rows = relative_motion(
             label, directions, (self.group, leader.at(follower.point)), (self.point, follower)
         )
@@ -473,15 +474,6 @@ def _fix_idle_rotations(member: Member, nodes: IntArray, leader: PointMotion) ->
     return [Rows.free((scipy.sparse.csr_matrix(free_axes) @ leader.rotations).tocsr(), "")]
 
 
-def _spanning_rows(projection: Array) -> Array:
-    """Orthonormal rows (k, n) that span the image of an orthogonal projection (n, n)."""
-    spanned = np.flatnonzero(np.abs(np.diag(projection) - 1) < 1e-9)
-    if len(spanned) == round(float(np.trace(projection))):
-        return np.eye(len(projection))[spanned]
-    values, vectors = np.linalg.eigh(projection)
-    return np.asarray(vectors[:, values > 0.5].T)
-
-
 @dataclass(frozen=True)
 class Bolt(TwoEnds):
     """A straight beam between two ends; a group as an end moves by its mean motion.
@@ -494,8 +486,7 @@ class Bolt(TwoEnds):
         As for `Weld`; the beam goes from the centroid of one to that of the other.
     beam : Beam
         Material and section.
-    name : str, optional
-        Name of the joint in messages.
+    name : name of the joint in messages, optional
     """
 
     beam: Beam = field(metadata=checked_by(instance, Beam, "a Beam"))

@@ -185,8 +185,7 @@ class Tie(TwoEnds):
     gap : float, optional
         Largest distance between them, m; default: 0.3 of the size of their faces. Across a gap the
         follower moves with the rotation of the other side.
-    name : str, optional
-        Name of the joint in messages.
+    name : name of the joint in messages, optional
     """
 
     gap: float | None = field(default=None, metadata=checked_by(positive, "m"))
