@@ -162,9 +162,9 @@ def saved_arguments(path: str | os.PathLike[str]) -> NamedValues:
         if recurrence:
             from antiosc.models.recurrence import Recurrence  # loaded where it is used
 
-            *matrices, scalars = recurrence
+            k0, mass, start, H, scalars = recurrence
             n, shift = checks.floats("scalars", scalars, (2,)).tolist()
-            loaded = Recurrence(*matrices, int(n), shift)
+            loaded = Recurrence(k0, mass, start, H, int(n), shift)
 
         return {
             **{name: arrays.get(name) for name in _MODEL_ARRAYS},
