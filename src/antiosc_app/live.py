@@ -217,7 +217,7 @@ def _second_order_forces(hit: History) -> Data | None:
     assert system.quadratic is not None
     assert system.cubic is not None
     return {
-        "rows": system.beta[-stretching.size :, hit.assembly.spans["structure"]].ravel(),
+        "rows": system.beta[-stretching.size :, hit.assembly.stacked.spans["structure"]].ravel(),
         "modes": stretching.modes.T.ravel(),
         "quadratic": system.quadratic.ravel(),
         "cubic": system.cubic.ravel(),

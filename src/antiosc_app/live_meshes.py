@@ -193,7 +193,7 @@ def _field_coordinates(hit: History, times: Array) -> Array:
     pairs of amplitudes.
     """
     q, _ = hit.states(times)
-    q = q[:, hit.assembly.spans["structure"]]
+    q = q[:, hit.assembly.stacked.spans["structure"]]
     forces = hit.assembly.stretch_forces.get("structure")
     pairs = [] if forces is None else [forces.pairs(q @ forces.modes)]
     return np.column_stack([q, hit.force_at(times), *pairs])

@@ -251,7 +251,7 @@ def run_of_scene(
     if message := inexact_message(converged, tol, _MOST_CONTACTS_AND_STEPS[1]):
         warn(message, AccuracyWarning)
     names, modes, columns = _site_columns(assembly, without_body)
-    shift = assembly.external_forces(assembly.system.breaks) @ assembly.r
+    shift = assembly.external_forces(assembly.system.breaks) @ assembly.stacked.r
     ends = [(c.a, c.b) for c in scene.contacts]
     contacts, contact_variables = _contact_outputs(ends, without_body)
     sites, site_variables = _site_outputs(names)
@@ -269,7 +269,7 @@ def run_of_scene(
         options,
         span,
         modes,
-        -(assembly.G @ assembly.r)[:, columns].T.copy(),
+        -(assembly.G @ assembly.stacked.r)[:, columns].T.copy(),
         shift[:, columns].copy(),
         np.concatenate((contacts, sites)),
         contact_variables + site_variables,
@@ -317,10 +317,10 @@ def _site_columns(assembly: Assembly, without_body: bool) -> tuple[list[str], Ar
         if isinstance(body.body, Obstacle):
             continue
         prefix = {"structure": "", "impactor": "impactor_"}[name] if without_body else name
-        span = range(assembly.columns[name].start, assembly.columns[name].stop)
+        span = range(assembly.stacked.columns[name].start, assembly.stacked.columns[name].stop)
         columns += span
         names += [prefix for _ in span] if without_body else _column_names(body, prefix)
-    return names, np.ascontiguousarray(assembly.B.T[columns]), columns
+    return names, np.ascontiguousarray(assembly.stacked.B.T[columns]), columns
 
 
 def _contact_outputs(
@@ -364,7 +364,7 @@ def _initial_speeds(assembly: Assembly, without_body: bool) -> tuple[list[Variab
         if speed == 0.0 or name in assembly.scene.motion:
             continue
         row = np.zeros(assembly.system.omega.size)
-        row[assembly.spans[name]] = body.start_velocities / speed
+        row[assembly.stacked.spans[name]] = body.start_velocities / speed
         rows.append(row)
         variable_name = "initial_velocity" if without_body else f"{name}.initial_velocity"
         variables.append(Variable(variable_name, "m/s", f"velocity of {name} at the start", speed))

@@ -103,7 +103,7 @@ def test_the_page_has_the_membrane_stress_of_a_sheet_that_stretches():
     assert largest_stress(data, hit) == pytest.approx(peak, rel=0.05)
     t = 1e-3
     taken = hit.assembly.stretch_forces["structure"]
-    q = hit.states([t])[0][0, hit.assembly.spans["structure"]]
+    q = hit.states([t])[0][0, hit.assembly.stacked.spans["structure"]]
     x = np.concatenate([q, hit.force_at([t]), taken.pairs((q @ taken.modes)[None])[0]])
     motion = data["motion"]
     amplitudes = motion["scale"] * (motion["factors"].reshape(len(motion["scale"]), -1) @ x)

@@ -171,5 +171,8 @@ class TestDamping:
 
 def _site(hit: ao.History, t: float) -> tuple[float, float]:
     q, v = hit.states(t)
-    b, n = hit.assembly.bodies["structure"].modes.B[:, 0], hit.assembly.spans["structure"].stop
+    b, n = (
+        hit.assembly.bodies["structure"].modes.B[:, 0],
+        hit.assembly.stacked.spans["structure"].stop,
+    )
     return float(q[0, :n] @ b), float(v[0, :n] @ b)

@@ -51,7 +51,7 @@ def test_what_a_history_tells_fits_together(law: str, method: str) -> None:
     hit = impact(law, method)
     p, t = hit.assembly.system, hit.time
     q, v = hit.states(t)
-    size, force = hit.assembly.spans["structure"].stop, hit.force
+    size, force = hit.assembly.stacked.spans["structure"].stop, hit.force
     node = np.arange(t.size) < t.size - 1
     u, w = -q[:, :size] @ p.beta[0][:size], q[:, size:] @ p.beta[0][size:]
     for mine, exact in (

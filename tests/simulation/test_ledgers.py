@@ -28,11 +28,11 @@ def history(name: str) -> tuple[ao.SceneHistory, Steps]:
 def felt(hit: ao.SceneHistory, one: Motion) -> tuple[Array, Array]:
     """External forces (n, P) on the columns of all sites, and those with the contacts' too."""
     a = hit.assembly
-    pushes = np.zeros((one.time.size, a.B.shape[1]))
+    pushes = np.zeros((one.time.size, a.stacked.B.shape[1]))
     for load in a.scene.loads:
         name, _, site = load.end.partition(":")
         body = a.bodies[name]
-        column = a.columns[name].start + body.sites[site][0]
+        column = a.stacked.columns[name].start + body.sites[site][0]
         pushes[:, column] += np.interp(one.time, load.times, load.forces)
     return pushes, pushes - one.force @ a.G
 
@@ -55,7 +55,7 @@ def test_energies_are_the_integrals_of_their_powers(name: str) -> None:
             one = steps.at(float(point))
             pushes, _ = felt(hit, one)
             # what a load does on the compliance without mass: the sites follow the forces
-            follow = (rising - one.force_rate @ a.G) @ a.r
+            follow = (rising - one.force_rate @ a.G) @ a.stacked.r
             power = {
                 "loads": np.sum(one.load * one.v, axis=1) + np.sum(pushes * follow, axis=1),
                 "damping": np.sum(2 * system.decay * one.v**2, axis=1),
@@ -71,7 +71,7 @@ def test_energies_are_the_integrals_of_their_powers(name: str) -> None:
         _, forces = felt(hit, one)
         kinetic = np.sum(one.v**2, axis=1) / 2
         strain = np.sum((system.omega * one.q) ** 2, axis=1) / 2
-        strain += np.einsum("ni,ij,nj->n", forces, a.r, forces) / 2
+        strain += np.einsum("ni,ij,nj->n", forces, a.stacked.r, forces) / 2
         np.testing.assert_allclose(energy.kinetic[nodes], kinetic, rtol=0, atol=1e-9 * highest)
         np.testing.assert_allclose(energy.strain[nodes], strain, rtol=0, atol=1e-9 * highest)
     np.testing.assert_allclose(energy.gravity, total["loads"], rtol=0, atol=1e-6 * highest)
@@ -101,8 +101,8 @@ def test_bodies_between_the_nodes_move_by_their_equations(name: str) -> None:
         at = one.load - one.force @ system.beta - system.omega**2 * one.q
         at -= 2 * system.decay * one.v
         for body, found in hit.at(one.time).items():
-            j, k = a.spans[body], a.columns[body]
-            residual = forces[:, k] @ a.r[k, k]
+            j, k = a.stacked.spans[body], a.stacked.columns[body]
+            residual = forces[:, k] @ a.stacked.r[k, k]
             way, speed = one.q[:, j] @ found.placed.modes.B, one.v[:, j] @ found.placed.modes.B
             pairs = [
                 (found.q, one.q[:, j]),

@@ -200,32 +200,13 @@ class Assembly:
         return any(body.stretch is not None for body in self.bodies.values())
 
     @cached_property
-    def _stacked(self) -> scene_parts.StackedBodies:
+    def stacked(self) -> scene_parts.StackedBodies:
+        """The modes and columns of all bodies, side by side."""
         return scene_parts.stacked_bodies(self.bodies)
-
-    @property
-    def spans(self) -> dict[str, slice]:
-        """Slice of each body's modes among the modes of all bodies."""
-        return self._stacked.spans
-
-    @property
-    def columns(self) -> dict[str, slice]:
-        """Slice of each body's columns among the columns of all bodies."""
-        return self._stacked.columns
-
-    @property
-    def B(self) -> Array:
-        """Displacements (J, P) of J modes at the P columns (sites, directions) of all bodies."""
-        return self._stacked.B
-
-    @property
-    def r(self) -> Array:
-        """Residual compliance (P, P) of the columns of all bodies [m/N]."""
-        return self._stacked.r
 
     def external_forces(self, t: Array) -> Array:
         """External forces (n, P) on all columns at times (n,)."""
-        return scene_parts.external_forces(self.scene.loads, self.bodies, self._stacked, t)
+        return scene_parts.external_forces(self.scene.loads, self.bodies, self.stacked, t)
 
 
 def assemble_scene(scene: SceneParts, duration: float) -> Assembly:

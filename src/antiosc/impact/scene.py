@@ -419,8 +419,7 @@ def simulate(
     InputError
         For input that breaks a rule.
     AccuracyError
-        If the peak force is outside the range of validity of the contact law, or the coupling of
-        the modes by the dampers of an assembly changes the impact by more than `tol`.
+        If the peak force is outside the range of validity of the contact law.
 
     Warns
     -----

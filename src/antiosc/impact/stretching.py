@@ -65,7 +65,7 @@ def with_stretch_rows(a: Assembly, by_body: Mapping[str, Stretch]) -> Assembly:
 
     for name, forces in by_body.items():
         part = np.arange(first_mode, first_mode + forces.size)
-        span = a.spans[name]
+        span = a.stacked.spans[name]
         site_rows = system.beta[: len(a.laws), span] @ forces.modes
         scale = float(np.abs(site_rows).max(initial=0.0)) or 1.0
         rows[part, span] = scale * forces.modes.T
@@ -111,9 +111,9 @@ def motion_of(history: History, name: str) -> StretchedMotion:
     forces = body.stretch
     assert forces is not None
 
-    span = a.spans[name]
-    columns = a.columns[name]
-    sites = a.B[span, columns] @ a.G[: len(a.laws), columns].T
+    span = a.stacked.spans[name]
+    columns = a.stacked.columns[name]
+    sites = a.stacked.B[span, columns] @ a.G[: len(a.laws), columns].T
     amplitude = sampled_motion(history, body.omega)[:, span] @ forces.modes
     triangle = np.asarray(np.linalg.qr(amplitude, mode="r"))
     poles = np.where(body.omega > 0, body.omega, np.inf)[:, None] ** 2
@@ -184,7 +184,7 @@ def energy_ratio_before_peak(history: History) -> float:
     most = 0.0
 
     for name, forces in a.stretch_forces.items():
-        q = motion[:, a.spans[name]]
+        q = motion[:, a.stacked.spans[name]]
         linear = float(np.sum((a.bodies[name].omega * q) ** 2, axis=1).max()) / 2 or 1e-300
         amplitude = q @ forces.modes
         quadratic, cubic = stretch_forces(forces.quadratic, forces.cubic, amplitude)

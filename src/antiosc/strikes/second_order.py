@@ -123,7 +123,7 @@ def second_order_energy_ratio(structure: Structure, linear: History) -> float:
     at_peak = contact.time[int(np.argmax(contact.force))]
     times = np.append(np.linspace(0.0, contact.contacts[-1][1], DEFLECTION_SAMPLES), at_peak)
 
-    amplitudes = linear.states(times)[0][:, linear.assembly.spans["structure"]]
+    amplitudes = linear.states(times)[0][:, linear.assembly.stacked.spans["structure"]]
     deflected = int(np.argmax(np.abs(amplitudes[:-1] @ body.B).max(axis=1)))
     motions = body.field((body.shape @ amplitudes[[deflected, -1]].T).T)
     try:

@@ -78,7 +78,7 @@ def unreduced_impact(
     """The impact of `hit` (of the raw model) on the unreduced structure, if it is linear."""
     assembly = hit.assembly
     system = assembly.system
-    part, ball = assembly.spans["structure"], assembly.spans["impactor"]
+    part, ball = assembly.stacked.spans["structure"], assembly.stacked.spans["impactor"]
     if assembly.stretch_forces:
         raise InputError("the part has second-order forces, and other methods are linear")
     if system.damped:

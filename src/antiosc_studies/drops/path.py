@@ -66,7 +66,7 @@ class Path(NamedTuple):
 
 def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
     """The path of the body in a run, at times (n,) [s] from 0."""
-    q, v = (motion[:, history.assembly.spans[BODY]] for motion in history.states(t))
+    q, v = (motion[:, history.assembly.stacked.spans[BODY]] for motion in history.states(t))
     body, start, W, momentum = touch
     L = v[:, :6] @ momentum[:, 3:]
     frozen = v[:, :6] @ W[:, 3:]
@@ -98,7 +98,7 @@ def scene_on_path(
     """
     body, _, W, _ = touch
     first, previous = base.system, history.assembly.system
-    span = base.spans[BODY]
+    span = base.stacked.spans[BODY]
     beta = first.beta[:, span]
     shapes = body.shapes[indices]
     balls = body.ball_radii[indices, None]
@@ -212,7 +212,7 @@ def _episode_end(touch: Touch, history: SceneHistory, rotation: float) -> tuple[
     last = float(history.time[-1])
     times = np.linspace(0.0, last, ROTATION_SAMPLES + 1)
     nodes = history.time[::2]
-    q = history.states(times)[0][:, history.assembly.spans[BODY]]
+    q = history.states(times)[0][:, history.assembly.stacked.spans[BODY]]
     angle = np.linalg.norm((q - q[0])[:, :6] @ touch.modes[:, 3:], axis=1)
     too_far = nodes[np.searchsorted(nodes, np.append(times[angle > rotation], last)[0])]
 

@@ -51,8 +51,7 @@ class History(RunHistory, SavableResults):
     ----------
     error : estimated relative errors reached, the largest of a contact: "force" (L2 norm and
         impulse) and "peak"; empty when the step was given. With n="auto" also "truncation
-        peak_force", "... impulse", "... contact_time"; "dampers": of the coupling of modes by
-        dampers, the largest in these three.
+        peak_force", "... impulse", "... contact_time".
     status : 0: completed; 1: completed, tol not met; 2: stopped before the end; 3: completed, but
         a contact that touched during the run goes on at its end: its contact time, impulse and
         peak force count up to there.

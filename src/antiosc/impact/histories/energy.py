@@ -192,7 +192,7 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
 
     external_forces = a.external_forces(run.time)
     felt = external_forces - run.force @ a.G
-    residual = felt @ a.r if np.any(a.r) else np.zeros_like(felt)
+    residual = felt @ a.stacked.r if np.any(a.stacked.r) else np.zeros_like(felt)
     work, braked = _cumulative_work_and_losses(a, run, kinetic + modal, work, braked)
     if a.scene.loads:
         loaded = np.any(external_forces, axis=0)

@@ -88,7 +88,7 @@ def curved_force_change(history: RunHistory, name: str) -> float:
     if not shares:
         return 0.0
 
-    motion = sampled_motion(history, body.omega)[:, history.assembly.spans[name]]
+    motion = sampled_motion(history, body.omega)[:, history.assembly.stacked.spans[name]]
     changes = []
     for site, share in shares.items():
         u = share * (motion @ body.modes.B[:, body.sites[site][0]])
@@ -124,8 +124,8 @@ def largest_deflection(history: RunHistory, name: str) -> float:
     if name not in known:
         a = history.assembly
         omega = a.bodies[name].omega
-        span, columns = a.spans[name], a.columns[name]
-        sites = a.B[span, columns] @ a.G[: len(a.laws), columns].T
+        span, columns = a.stacked.spans[name], a.stacked.columns[name]
+        sites = a.stacked.B[span, columns] @ a.G[: len(a.laws), columns].T
         q = sampled_motion(history, omega)[:, span]
         known[name] = float(np.abs(q @ (sites * (omega > 0)[:, None])).max(initial=0.0))
 

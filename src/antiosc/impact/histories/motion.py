@@ -220,7 +220,7 @@ class RunHistory(OneContact):
         q = free_steps(self.run, a.system)
         angles = {}
         for body in free:
-            rotation = body.rotation(q[:, a.spans[body.name]])
+            rotation = body.rotation(q[:, a.stacked.spans[body.name]])
             angles[body.name] = float(np.linalg.norm(rotation, axis=1).max())
 
         most = max(angles, key=angles.__getitem__)
@@ -266,26 +266,26 @@ class RunHistory(OneContact):
         """Displacements and velocities of both ends of the only contact, along it: (4, n)."""
         a = self.assembly
         run = self._record.nodes
-        rows = np.zeros((len(a.r), 2))
+        rows = np.zeros((len(a.stacked.r), 2))
         for i, body in enumerate(self._ends):
-            columns = a.columns[body.name]
+            columns = a.stacked.columns[body.name]
             rows[columns, i] = (2 * i - 1) * a.G[self._row, columns]
 
         motion = np.empty((4, run.time.size))
         for first, last in step_blocks(run, a.system.omega.size):
             q, v = node_states(run, a.system, first, last)
             nodes = slice(2 * first, 2 * last + 1)
-            motion[::2, nodes] = (q @ (a.B @ rows)).T
-            motion[1::2, nodes] = (v @ (a.B @ rows)).T
+            motion[::2, nodes] = (q @ (a.stacked.B @ rows)).T
+            motion[1::2, nodes] = (v @ (a.stacked.B @ rows)).T
 
-        motion[::2] += ((a.external_forces(run.time) - run.force @ a.G) @ (a.r @ rows)).T
+        motion[::2] += ((a.external_forces(run.time) - run.force @ a.G) @ (a.stacked.r @ rows)).T
 
         return motion
 
     def _bodies(self, time: Array, q: Array, v: Array, force: Array) -> dict[str, BodyHistory]:
         a = self.assembly
         f = self.assembly.external_forces(time) - force @ a.G
-        columns = q @ a.B + f @ a.r
+        columns = q @ a.stacked.B + f @ a.stacked.r
         kinetic = 0.5 * v**2
         strain = 0.5 * (a.system.omega * q) ** 2
         load = modal_loads(a.system, time) - force @ a.system.beta
@@ -300,11 +300,11 @@ class RunHistory(OneContact):
 
         histories = {}
         for (name, body), branches in zip(a.bodies.items(), springs, strict=True):
-            j = a.spans[name]
-            k = a.columns[name]
+            j = a.stacked.spans[name]
+            k = a.stacked.columns[name]
             stretch = a.stretch_forces.get(name)
             stretching = 0.0 if stretch is None else stretch.energy(q[:, j] @ stretch.modes)
-            residual = 0.5 * np.einsum("nk,kl,nl->n", f[:, k], a.r[k, k], f[:, k])
+            residual = 0.5 * np.einsum("nk,kl,nl->n", f[:, k], a.stacked.r[k, k], f[:, k])
             histories[name] = BodyHistory(
                 placed=body,
                 time=time,

@@ -35,7 +35,7 @@ def site_motion(hit: RunHistory) -> SiteMotion | None:
     if not isinstance(body, ModalBody) or not body.omega.all():
         return None
 
-    span = hit.assembly.spans["structure"]
+    span = hit.assembly.stacked.spans["structure"]
 
     def displacements(times: Array) -> Array:
         """|Displacements| (n,) at times."""
