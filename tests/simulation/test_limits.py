@@ -60,5 +60,5 @@ def test_a_scene_of_thousands_of_bodies_is_refused_at_once():
     law = ao.Hertz(1e9)
     names = [f"b{i}" for i in range(1500)]
     chain = [ao.Contact(*pair, law) for pair in zip(names, names[1:])]  # noqa: B905, RUF007
-    with pytest.raises(ao.InputError, match="at most 1000 bodies; got 1500"):
+    with pytest.raises(ao.InputError, match="at most 1000 bodies and contacts; got 1500"):
         ao.Scene({name: ao.RigidMass(0.1) for name in names}, chain)

@@ -1,8 +1,6 @@
 """Input checks shared by all modules: each returns the value in the form that is stored, or raises.
 
-Every public constructor and function passes its arguments through one of these checks and stores
-the returned value, not the argument itself. A number must be real and finite: complex numbers,
-strings, bools, NaN and infinity are refused.
+A number must be real and finite: complex numbers, strings, bools, NaN and infinity are refused.
 """
 
 from __future__ import annotations

@@ -81,9 +81,8 @@ def _resting_state(system: System) -> tuple[Array, Array]:
 
     free = np.flatnonzero(np.abs(residual) > 1e-9 * scale)
     raise InputError(
-        f"the scene has no static equilibrium to start from: {free.size} of its motions stay out of"
-        f" balance under gravity and loads, no contact or support holds them. Support the bodies,"
-        f" add contacts, or start without preload."
+        f"the scene has no static equilibrium to start from: nothing holds {free.size} of its"
+        " motions. Support the bodies, add contacts, or start without preload."
     )
 
 

@@ -305,24 +305,16 @@ class Converged:
 
 def stop_text(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
     """Text: why the integration stopped at t [s] before the end; "" if it did not."""
-    if answer == library.DONE:
-        return ""
-
-    return {
-        library.TOO_MANY_CONTACTS: (
-            f"stopped at {t:g} s: more than {max_contacts} contacts (chatter); shorten the duration"
-            f" or raise max_contacts"
-        ),
-        library.TOO_MANY_STEPS: (
-            f"stopped at {t:g} s: more than {max_steps} steps; shorten the duration, use a larger"
-            f" step or tol, or raise max_steps"
-        ),
-        library.GREW: f"stopped at {t:g} s: the bodies gained energy; use a smaller step or tol",
-        library.STUCK: (
-            f"stopped at {t:g} s: no step is small enough for the contact forces there; check the"
-            f" laws' stiffness against the bodies' masses"
-        ),
-    }.get(answer, "")
+    chatter = f"more than {max_contacts} contacts (chatter); shorten the duration"
+    reasons = {
+        library.TOO_MANY_CONTACTS: f"{chatter} or raise max_contacts",
+        library.TOO_MANY_STEPS: f"more than {max_steps} steps; shorten the duration, use a larger"
+        " step or tol, or raise max_steps",
+        library.GREW: "the bodies gained energy; use a smaller step or tol",
+        library.STUCK: "no step is small enough for the contact forces there; check the laws'"
+        " stiffness against the bodies' masses",
+    }
+    return f"stopped at {t:g} s: {reasons[answer]}" if answer in reasons else ""
 
 
 def difference(coarse: Run, fine: Run, tol: float) -> tuple[float, float, float]:

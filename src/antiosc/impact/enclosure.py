@@ -217,15 +217,11 @@ def _max_vectors(body: SceneBody) -> int:
         if known is None:
             raise _refusal_of(
                 f"a model whose residual is known, and that of {body.name!r} is not: extract it"
-                " with proof=True, by Krylov's method and a direct solver (matrices that are too"
-                " ill-conditioned have none)."
+                " with proof=True, by Krylov's method and a direct solver."
             )
         pairs = (inner.k0, known.k0), (inner.m_st, known.mass)
         if any(np.abs(a - b).max() > RECURRENCE_TOL * np.abs(b).max() for a, b in pairs):
-            raise _refusal_of(
-                f"the stiffness and mass of the extraction, and those of {body.name!r} were"
-                " changed afterwards: extract it anew."
-            )
+            raise _refusal_of(f"the stiffness and mass of the extraction of {body.name!r}.")
         if isinstance(inner.damping, Damping) and np.ndim(inner.damping.ratio):
             raise _refusal_of(
                 "one damping ratio of all modes or Rayleigh's damping, and the ratios of"

@@ -62,12 +62,11 @@ class Contact(Checked):
     tangential_stiffness : float, optional
         k_t [N/m] of the spring in series with the slider that carries mu F at most; default
         2 (1 - nu)/(2 - nu) = 0.82 (nu = 0.3, R. D. Mindlin, J. Appl. Mech. 16 (1949) 259-268)
-        times the mean normal stiffness of a contact as deep as expected. It is that of the contact
-        as a whole: the compliance of the patches is subtracted, as from Hertz's law. A blow that
-        slides throughout does not depend on it. Compared with spheres whose contact slips from its
-        edge inward (N. Maw, J. R. Barber, J. N. Fawcett, Wear 38 (1976) 101-114) the tangential
-        speed of rebound differs by up to 0.35 mu times the speed of approach where the contact
-        begins to stick, and by less than 0.1 mu times it where it begins to slide.
+        times the mean normal stiffness of a contact as deep as expected. The compliance of the
+        patches is subtracted, as from Hertz's law. Compared with spheres whose contact slips from
+        its edge inward (N. Maw et al., Wear 38 (1976) 101-114) the tangential speed of rebound
+        differs by up to 0.35 mu times the speed of approach where the contact begins to stick, and
+        by less than 0.1 mu times it where it begins to slide.
     """
 
     a: str
@@ -146,8 +145,7 @@ def _checked_series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Arr
     return t, checks.floats(f"values of {name}", values, None)
 
 
-#: Most bodies, and most contacts: a chain of 800 masses took 6 s of the processor and 0.8 GB, one
-#: of 400 1.1 s and 0.25 GB.
+#: Most bodies, and most contacts: a chain of 800 masses took 6 s of the processor and 0.8 GB.
 MAX_PARTS = 1000
 
 
@@ -196,12 +194,11 @@ class SceneParts(FieldsRepr):
         if not self.contacts:
             raise InputError("a scene needs at least one Contact.")
 
-        for noun, number in (("bodies", len(self.bodies)), ("contacts", len(self.contacts))):
-            if number > MAX_PARTS:
-                raise InputError(
-                    f"a scene has at most {MAX_PARTS} {noun}; got {number}: each step solves for"
-                    " all of them. Leave out what the blow does not reach."
-                )
+        if (number := max(len(self.bodies), len(self.contacts))) > MAX_PARTS:
+            raise InputError(
+                f"a scene has at most {MAX_PARTS} bodies and contacts; got {number}: leave out what"
+                " the blow does not reach."
+            )
 
         if self.base is not None:
             checks.instance("base", self.base, Base, "a Base")
@@ -234,8 +231,7 @@ class SceneParts(FieldsRepr):
             if first is not contact:
                 raise InputError(
                     f"the contacts {first.a!r}, {first.b!r} and {contact.a!r}, {contact.b!r} have"
-                    f" the same ends; give each pair of sites once (a stop on the other side is"
-                    f" another body or site)."
+                    " the same ends: a stop on the other side is another body or site."
                 )
 
     def _with_law(self, contact: Contact) -> Contact:
@@ -369,14 +365,10 @@ def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> A
     ) < PARALLEL_COSINE or direction_sum @ direction < PARALLEL_COSINE * np.linalg.norm(
         direction_sum
     ):
-        remedy = (
-            "which is that of another contact of this body of one coordinate; use a RigidBody"
-            if body.modes.axes is None
-            else "as the model has it; extract it along the contact"
-        )
         raise InputError(
             f"the contact at {end!r} is along {np.round(direction, 4).tolist()}, but this end moves"
-            f" only along {np.round(axes, 4).tolist()}, {remedy}."
+            f" only along {np.round(axes, 4).tolist()}: extract it along the contact, or take a"
+            " RigidBody for a body of one coordinate."
         )
 
     row[columns[: len(axes)]] = parts
@@ -537,9 +529,8 @@ def _check_ground_direction(body: SceneBody, ground_motion: Array) -> None:
     if transverse > 1e-6 * size:
         raise InputError(
             f"the ground moves with {transverse:.3g} m/s² across the direction of the site of "
-            f"{body.name!r}, and its model knows the mass that moves along this direction alone: "
-            "extract it with a site that has a name, which gives a model that knows all "
-            "directions, or give base along the site's direction."
+            f"{body.name!r}, the only one that its model knows: extract it with a site that has a "
+            "name, or give base along the site's direction."
         )
 
 

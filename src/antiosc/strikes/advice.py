@@ -1,9 +1,8 @@
 """Which element family is enough for a part and an impact, and how fine its mesh must be.
 
 Everything is estimated from the dimensions, without a mesh. The contact time on the part cannot be
-shorter than that of the impactor on a half-space of the part's material. Above twice the inverse of
-that time the spectrum of the force is small. An element family is sufficient if it is valid up to
-that frequency:
+shorter than that on a half-space of its material; above twice the inverse of that time the spectrum
+of the force is small. An element family is sufficient if it is valid up to that frequency:
 
     beam    half of the lowest frequency of a free strip of its width (the section deforms)
     shell   half of the first thickness-shear frequency, c_s/(2h) (the thickness deforms)

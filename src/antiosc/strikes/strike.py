@@ -1,12 +1,10 @@
 """`strike`: an impact to a tolerance; mesh, number of anti-oscillators and step are chosen for it.
 
-Each round meshes, extracts, simulates and computes the error budget. The result is that of the
-corrected model. If the mesh error is too large and can be reduced, the next mesh has the cell sizes
-that reduce it with the fewest cells (`antiosc.reduce.error.division`). On lines the change from
-one mesh to the next is the least bar. The errors of cells are weighted for this impact, by the mean
-over the contact of the amplitudes of all shapes, so that cells become small where this impact
-requires it. Anti-oscillators and time steps may each use a small share of the tolerance, so that
-neither is finer than necessary.
+Each round meshes, extracts, simulates and computes the error budget. If the mesh error is too large
+and can be reduced, the next mesh has the cell sizes that reduce it with the fewest cells
+(`antiosc.reduce.error.division`), weighted by the mean over the contact of the amplitudes of all
+shapes: cells become small where this impact requires it. On lines the change from one mesh to the
+next is the least bar. Anti-oscillators and time steps may each use a small share of the tolerance.
 """
 
 from __future__ import annotations

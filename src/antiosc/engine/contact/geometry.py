@@ -47,8 +47,7 @@ def relative_curvatures(radii1: Radii, radii2: Radii, angle: float) -> tuple[flo
     if A <= 1e-12 * B or B <= 0:
         raise InputError(
             f"the surfaces must part in every direction from their point of contact; the relative"
-            f" curvatures are {2 * A:g} and {2 * B:g} 1/m (a cylinder along a plane, or a ball in"
-            f" too tight a cup, has no point contact)."
+            f" curvatures are {2 * A:g} and {2 * B:g} 1/m."
         )
 
     return A, B

@@ -133,13 +133,11 @@ class Hertz(Compiled):
 
     Notes
     -----
-    The law with c holds while the indentation grows with the force, F < F_lim = (2/(3c))^3/k_H^2;
-    there the contact radius is 0.83 of the patch's. With rho = (F/F_lim)^(1/3) the flexibility left
-    is 1 - rho of Hertz's own, so a relative error e in c becomes e rho/(1 - rho) in the tangent.
-    `valid_force` is where rho = 0.7: an error of 2 % in c still is below 5 % in the tangent (the
-    contact radius is then 0.58 of the patch radius). Beyond `valid_force` the law continues along
-    its tangent, so that a run can complete and report the peak force; `simulate` then raises
-    AccuracyError.
+    The law with c holds while the indentation grows with the force, F < F_lim = (2/(3c))^3/k_H^2.
+    With rho = (F/F_lim)^(1/3) the flexibility left is 1 - rho of Hertz's own, so a relative error e
+    in c becomes e rho/(1 - rho) in the tangent. `valid_force` is where rho = 0.7: 2 % of c are then
+    less than 5 % of the tangent (the contact radius is 0.58 of the patch's). Beyond, the law goes
+    on along its tangent, so that a run can complete; `simulate` raises AccuracyError.
     """
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N m^-3/2"))
@@ -578,9 +576,8 @@ def _unloading(unloading: tuple[ArrayLike, ArrayLike], x: Array, F: Array) -> tu
     ends_match = np.allclose((xu[-1], Fu[-1]), (x[-1], F[-1]), rtol=1e-9, atol=0)
     if Fu[0] != 0 or xu[0] < 0 or not ends_match:
         raise InputError(
-            f"the unloading curve must run from zero force at an indentation >= 0 to the"
-            f" end of the loading curve ({x[-1]:g} m, {F[-1]:g} N); it runs from"
-            f" ({xu[0]:g} m, {Fu[0]:g} N) to ({xu[-1]:g} m, {Fu[-1]:g} N)."
+            f"the unloading curve must run from no force to ({x[-1]:g} m, {F[-1]:g} N), the end of"
+            f" loading; it runs from ({xu[0]:g} m, {Fu[0]:g} N) to ({xu[-1]:g} m, {Fu[-1]:g} N)."
         )
 
     return xu, Fu
@@ -599,7 +596,7 @@ def _checked_curve(name: str, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]
             i = int(falls[0])
             raise InputError(
                 f"the {axis} of the {name} curve must increase strictly; entries {i} and {i + 1}"
-                f" are {values[i]:g} and {values[i + 1]:g} {unit}. Sort, smooth or thin the data."
+                f" are {values[i]:g} and {values[i + 1]:g} {unit}."
             )
 
     return xs, ys
