@@ -8,29 +8,15 @@ return them. `plot_history`, `plot_model`, `plot_map` and `plot_deformed` draw a
 `AntiOscillators.plot` and `ImpactMap.plot` call them.
 """
 
-from antiosc.fields.pictures import plot_deformed, plot_map
+from antiosc.fields.pictures import plot_deformed as plot_deformed, plot_map as plot_map
 from antiosc.plot.charts import (
-    legend_beside,
-    panels,
-    plot_dynamic_stiffness,
-    plot_force,
-    plot_history,
-    plot_masses,
-    plot_model,
-    plot_motion,
-    save_figure,
+    legend_beside as legend_beside,
+    panels as panels,
+    plot_dynamic_stiffness as plot_dynamic_stiffness,
+    plot_force as plot_force,
+    plot_history as plot_history,
+    plot_masses as plot_masses,
+    plot_model as plot_model,
+    plot_motion as plot_motion,
+    save_figure as save_figure,
 )
-
-__all__ = [
-    "legend_beside",
-    "panels",
-    "plot_deformed",
-    "plot_dynamic_stiffness",
-    "plot_force",
-    "plot_history",
-    "plot_map",
-    "plot_masses",
-    "plot_model",
-    "plot_motion",
-    "save_figure",
-]

@@ -30,7 +30,7 @@ from paths import DECKS
 MODULES = {
     "": (ao, [*ao._MODULES]),
     "closed_form.": (closed_form, closed_form.__all__),
-    "plotting.": (plotting, [name for name in plotting.__all__ if name[:4] in ("plot", "runn")]),
+    "plotting.": (plotting, [name for name in vars(plotting) if name.startswith("plot_")]),
 }
 
 #: Steps of the march and of the assembly: they are called with what antiosc itself has checked,

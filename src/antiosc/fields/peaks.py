@@ -38,7 +38,7 @@ from antiosc.fields.maxima import MaximumSearch, ScalarFunction, search_at_times
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import checked_times, shape_factors
 from antiosc.impact.histories.parts import BodyHistory
-from antiosc.impact.histories.verdict import ContactZone, contact_zones, does_yield
+from antiosc.impact.histories.verdict import ContactZone, contact_zones, yield_share
 from antiosc.io.neutral import CELL_KINDS
 from antiosc.plot.charts import figure_or_path
 from antiosc.recovery import source
@@ -365,7 +365,8 @@ def peak_field(
     if result._margin is not None:
         at_ply = plies[int(best.ply[result.judged])]
         told = "" if at_ply is None else f"layer {at_ply.layer} ({at_ply.surface})"
-        dents = isinstance(history, History) and any(map(does_yield, history.contact_histories))
+        touched = history.contact_histories if isinstance(history, History) else ()
+        dents = any((yield_share(contact) or 0.0) > 1 for contact in touched)
         own = replace(result._margin, layer=told, contact=dents and result._margin.is_stress)
         result = replace(result, _margin=own)
 

@@ -1,13 +1,8 @@
 """The one default of each number that a user may leave open, shared by programs, scenes and pages.
 
-- The cells of a geometry: `default_size` of `antiosc.fem.mesh.reading`; at the site of a solid
-  `CELLS_THROUGH_THICKNESS` lie through its wall, and none is longer than the ball's radius.
-- The ball has a radius of `BALL_RADIUS_SHARE` times the longest side.
-- The patch of a solid is as small as its facets resolve, and carries the force of the striker on a
-  rigid wall, which no part exceeds.
-- The number of anti-oscillators is the first of `OSCILLATOR_COUNTS` whose left-out motions change
-  the force by less than `MAX_TRUNCATION_ERROR`.
-- The duration is doubled until striker and part have parted.
+The cells of a geometry are those of `default_size` of `antiosc.fem.mesh.reading`. The patch of a
+solid is as small as its facets resolve, and carries the force of the striker on a rigid wall, which
+no part exceeds. The duration is doubled until striker and part have parted.
 """
 
 from __future__ import annotations
@@ -33,7 +28,7 @@ if TYPE_CHECKING:
     from antiosc.impact.histories import History
     from antiosc.reduce.site.site import Site
 
-#: Cells across the thickness under a site.
+#: Cells across the thickness under a site, none of them longer than the ball's radius.
 CELLS_THROUGH_THICKNESS = 3
 #: Radius of the ball over the longest side of the part.
 BALL_RADIUS_SHARE = 0.02

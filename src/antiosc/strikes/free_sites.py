@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,8 +25,6 @@ BAND_FACTOR = 1.5
 
 #: What names the sites of a map: surfaces, or points (P, 2 or 3).
 SiteSelection: TypeAlias = str | Sequence[str] | Sequence[Sequence[float]] | None
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,5 +83,4 @@ def _lowest_free_modes(
     )
     sufficient = max(mode_count, int(np.sum(modes.omega < reach)) + 1)
     sufficient = int(min(sufficient, most, len(modes.omega)))
-    log.info("%d free modes up to %.4g rad/s", sufficient, modes.omega[sufficient - 1])
     return Modes(modes.omega[:sufficient], modes.phi[:, :sufficient], modes.complete)

@@ -8,7 +8,6 @@ inertia y'My (`antiosc.fem.linalg.deflections`). The error of Z is bounded at ea
 from __future__ import annotations
 
 import contextlib
-import logging
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -65,9 +64,6 @@ from antiosc.strikes.map_results import (
     with_doubts,
 )
 from antiosc.strikes.map_stresses import largest_stresses
-
-log = logging.getLogger(__name__)
-
 
 #: Default band over the last free frequency, if neither a band nor an impactor is given.
 DEFAULT_BAND_SHARE = 0.5

@@ -9,7 +9,6 @@ next is the least bar. Anti-oscillators and time steps may each use a small shar
 
 from __future__ import annotations
 
-import logging
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -85,8 +84,6 @@ NEGLIGIBLE_WEIGHT = 1e-8
 RunFunction: TypeAlias = Callable[[AntiOscillators, float], History]
 #: Of all cells, or of groups of them.
 Material: TypeAlias = Family | Mapping[str, Family]
-
-log = logging.getLogger(__name__)
 
 
 @collective()
@@ -223,7 +220,6 @@ def strike_to_tolerance(
             if report is not None:
                 report(result, site)
             records.append(mesh_record(result))
-            log.info("strike: %s", records[-1])
             reason = place.fixed
             if len(records) == MAX_MESHES:
                 reason = reason or f"{MAX_MESHES} meshes were made."

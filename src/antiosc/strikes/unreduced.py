@@ -187,11 +187,7 @@ def _integrated_curve(blow: UnreducedImpact, A: Factorization) -> ContactCurve:
 
 
 def _end_rates(h: float, new: M, inertia_terms: M, v: M, a: M) -> tuple[M, M]:
-    """Velocity and acceleration at the end of a step of h [s] (average acceleration).
-
-    new : displacement there; inertia_terms : what the start adds to 4/h² new, with its sign
-    reversed; v, a : velocity and acceleration at the start.
-    """
+    """Velocity and acceleration at the end of a step of h [s], at the displacement `new`."""
     new_acceleration = 4 / h**2 * new - inertia_terms
     return v + h / 2 * (a + new_acceleration), new_acceleration
 

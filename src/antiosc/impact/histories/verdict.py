@@ -50,12 +50,6 @@ def _contact_sides(contact: OneContact) -> list[tuple[str, Any, str]]:
     return [(name, scene.bodies[name], site) for name, _, site in ends]
 
 
-def does_yield(contact: OneContact) -> bool:
-    """Whether a contact yields, by its law or by the law that its surfaces require."""
-    share = yield_share(contact)
-    return share is not None and share > 1
-
-
 def yield_share(contact: OneContact) -> float | None:
     """Peak force over the force from which the contact yields; None if that is unknown."""
     law = _law_with_yield(contact)
