@@ -7,14 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-
-class _Uncounted(threading.local):
-    """Seconds of this thread that the clock leaves out."""
-
-    seconds = 0.0
-
-
-_uncounted = _Uncounted()
+_uncounted = threading.local()
 
 
 def clock() -> float:
@@ -24,7 +17,7 @@ def clock() -> float:
 
 def uncounted_seconds() -> float:
     """Seconds of this thread within `uncounted` up to now."""
-    return _uncounted.seconds
+    return getattr(_uncounted, "seconds", 0.0)
 
 
 @contextmanager
@@ -34,4 +27,4 @@ def uncounted() -> Iterator[None]:
     try:
         yield
     finally:
-        _uncounted.seconds += clock() - start_time
+        _uncounted.seconds = uncounted_seconds() + clock() - start_time

@@ -32,20 +32,17 @@ from antiosc.base._types import Array, BoolArray, ComplexArray, Numbers
 from antiosc.base.errors import AccuracyError
 from antiosc.engine.damping import DampingMatrix, from_factors, in_coordinates
 
-#: Share of the largest damping of a mode below which a mode has none.
-UNDAMPED_SHARE = 1e-24
-#: The same, of a combination of rigid-body motions.
-UNDAMPED_RIGID_SHARE = 1e-12
+#: Shares of the largest damping of a mode below which a mode, or a rigid-body motion, has none.
+UNDAMPED_SHARE, UNDAMPED_RIGID_SHARE = 1e-24, 1e-12
 #: Poles closer than this, relatively, are one repeated pole.
 REPEATED_DISTANCE = 1e-10
 #: Distance of neighbouring real poles, relatively, below which they are of one cluster.
 CLUSTER_DISTANCE = 0.05
 #: Share of the largest singular value of a branch's factor below which it has no spring.
 SPRINGLESS_SHARE = 1e-9
-#: Relative error of the receptance of first-order modes up to which they are used as they are, …
-EXACT_ERROR = 1e-7
-#: … and largest error that is accepted if no other way has a smaller one.
-MAX_ERROR = 1e-4
+#: Relative error of the receptance of first-order modes up to which they are used as they are, and
+#: the largest one that is accepted if no other way has a smaller one.
+EXACT_ERROR, MAX_ERROR = 1e-7, 1e-4
 #: Relative change of a damping whose poles fall together.
 DAMPING_CHANGE = 1e-7
 

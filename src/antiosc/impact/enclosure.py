@@ -36,18 +36,15 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import Damping
 from antiosc.models.recurrence import ReferenceModes
 
-#: Width of the bounds over the largest force from which the model predicts nothing.
-UNPREDICTED_WIDTH = 0.2
-#: Share of the largest force by which rounding may move a bound.
-FORCE_ROUNDING = 1e-8
+#: Shares of the largest force: width of bounds from which the model predicts nothing, and rounding.
+UNPREDICTED_WIDTH, FORCE_ROUNDING = 0.2, 1e-8
 #: Pieces of time in a contact, at least.
 MIN_TIME_PIECES = 100
 #: x of the bounds on differences of indentations, over the inverse square of the run's time.
 RATE_RATIOS = 2.0 ** np.arange(-6, 25)
-#: Error of k0 and of the mass that tells a recurrence of another structure.
-RECURRENCE_TOL = 1e-6
-#: Share of a modal amplitude that is rounding.
-AMPLITUDE_ROUNDING = 1e-9
+#: Error of k0 and of the mass that tells a recurrence of another structure, and share of a modal
+#: amplitude that is rounding.
+RECURRENCE_TOL, AMPLITUDE_ROUNDING = 1e-6, 1e-9
 NO_DAMPING = Damping()
 #: Largest elastic share whose loading curve has a curvature that falls.
 MAX_ELASTIC_SHARE = 0.6

@@ -14,12 +14,9 @@ from antiosc.models.body import LinearBody
 
 #: Bodies processed together.
 BODIES_AT_ONCE = 200
-#: Times at which u is evaluated in addition to those of the force, at least, …
-MIN_SAMPLES = 200
-#: … and at most, …
-MAX_SAMPLES = 20_000
-#: … and in a period of the first mode, whose largest value they miss by at most 0.3 %.
-SAMPLES_PER_PERIOD = 40
+#: Times at which u is evaluated in addition to those of the force, at least and at most, and in a
+#: period of the first mode, whose largest value they miss by at most 0.3 %.
+MIN_SAMPLES, MAX_SAMPLES, SAMPLES_PER_PERIOD = 200, 20_000, 40
 #: Times [s] and the force [N] at them, linear between them and zero outside.
 ForceSeries = tuple[Array, Array]
 

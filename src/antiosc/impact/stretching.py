@@ -29,10 +29,9 @@ IntegrateAssembly = Callable[[Assembly], H]
 #: Change of the site's displacement by second-order forces, over its largest, up to which the
 #: linear run stands: of a peak force about half of it.
 NEGLIGIBLE_SHARE = 3e-3
-#: Modes that an automatic choice begins with, and the share of the error that it aims at, at least:
-#: the tensors themselves are within 1e-3 of the full second-order strain.
-INITIAL_MODE_COUNT = 2
-MIN_STRETCH_TOL = 2e-3
+#: Modes that an automatic choice begins with, and the error that it aims at, at least: the tensors
+#: themselves are within 1e-3 of the full second-order strain.
+INITIAL_MODE_COUNT, MIN_STRETCH_TOL = 2, 2e-3
 #: Modes of the Krylov space whose combinations come first. In one of 20, which holds more of the
 #: waves, the motions that move most miss the dent.
 KRYLOV_SIZE = 12
@@ -41,14 +40,12 @@ KRYLOV_SIZE = 12
 AGREEING_STEP_COUNT = 2
 #: Times up to the peak of a force at which energies are compared.
 ENERGY_SAMPLES = 200
-#: Change by the last of them from which a sentence tells it; below, the error budget does.
-WARN_CHANGE = 1e-2
-#: Error above which another program is advised.
-ROUGH_ERROR = 0.5
+#: Change by the last of them from which a sentence tells it; below, the error budget does. Error
+#: above which another program is advised.
+WARN_CHANGE, ROUGH_ERROR = 1e-2, 0.5
 #: Factor of safety on that change in the error budget, and the least change: 56 of 58 random sheets
 #: have bars that cover the error (measured); with 3 and 1e-3 55 of them.
-STRETCH_SAFETY = 4.5
-MIN_STRETCH_ERROR = 2.5e-3
+STRETCH_SAFETY, MIN_STRETCH_ERROR = 4.5, 2.5e-3
 #: What decides on their number, and how much more it may change than the force; contact times,
 #: which may jump by a whole touch, do not.
 DECIDING_WEIGHTS = {"peak_force": 1.0, "impulse": 1.0, "deflection": 2.5}

@@ -56,10 +56,9 @@ def too_few_text(n: int, error: float) -> str:
 #: simulates the impact on a model with a given time integration error
 RunOnModel = Callable[[AntiOscillators, float], History]
 
-#: Factor of safety of the estimate.
-TRUNCATION_SAFETY = 2.5
-#: Factor of safety of the changes on the softest and on the lightest model of the Krylov method.
-TRUNCATION_SAFETY_RITZ = 4.0
+#: Factors of safety of the estimate, and of the changes on the softest and on the lightest model of
+#: the Krylov method.
+TRUNCATION_SAFETY, TRUNCATION_SAFETY_RITZ = 2.5, 4.0
 #: Least share of a value that is left on the model with half as many anti-oscillators.
 MIN_HALVED_SHARE = 1e-3
 #: The lowest 1/omega^2 of a Gauss rule lies above this share of the one above it, but for rounding.

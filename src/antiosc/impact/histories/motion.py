@@ -121,11 +121,9 @@ class RunHistory(OneContact):
             return self.given
 
         numbers = self._numbers
-        return (
-            float(numbers.closed / numbers.steps)
-            if numbers.steps
-            else self.assembly.contact_time_estimate
-        )
+        if not numbers.steps:
+            return self.assembly.contact_time_estimate
+        return float(numbers.closed / numbers.steps)
 
     @property
     def model(self) -> Any:
