@@ -380,7 +380,7 @@ class Sheet(Checked):
     def constants(self) -> tuple[float, float, float]:
         """Raise InputError: layers have directions."""
         raise InputError(
-            f"advise takes no {type(self).__name__}: give the equivalent E, nu, rho of the part."
+            f"advise takes no {type(self).__name__}: give dimensions and equivalent E, nu, rho."
         )
 
     @property

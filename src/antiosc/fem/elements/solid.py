@@ -344,7 +344,7 @@ class AnisotropicSolid(FieldsRepr):
     def constants(self) -> tuple[float, float, float]:
         """Raise InputError: the material has directions."""
         raise InputError(
-            "advise needs an isotropic material, not AnisotropicSolid: give equivalent E, nu, rho."
+            "advise takes no AnisotropicSolid: give dimensions and equivalent E, nu, rho."
         )
 
 
