@@ -74,11 +74,6 @@ class Enclosure(FieldsRepr):
     horizon: float
     n: int
 
-    def error_of(self, quantity: str, value: float) -> float:
-        """Proved relative error of a value of "peak" or "impulse"."""
-        low, high = getattr(self, quantity)
-        return float(max(high - value, value - low) / value)
-
     @property
     def text(self) -> str:
         """The bounds in one sentence."""
@@ -91,6 +86,12 @@ class Enclosure(FieldsRepr):
             end = engineering(self.horizon, "s")
             sentence += f"; nothing after {end} can be predicted by {self.n} oscillators"
         return sentence
+
+
+def proved_error(proof: Enclosure, quantity: str, value: float) -> float:
+    """Proved relative error of a value of "peak" or "impulse"."""
+    low, high = getattr(proof, quantity)
+    return float(max(high - value, value - low) / value)
 
 
 class _ReferenceBody(NamedTuple):

@@ -24,6 +24,7 @@ from antiosc.base.texts import CELL_ARGUMENTS, capitalised, engineering, percent
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, YangSun
 from antiosc.engine.contact.peak_error import error_of_law, unknown_error, weakest_and_strongest
+from antiosc.impact.enclosure import proved_error
 from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.bars import BAR_UNITS, DEFLECTION, QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.impact.stretching import (
@@ -159,7 +160,7 @@ def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
     }
     for proof in hit.enclosures[:1]:  # by what the model leaves out
         for quantity, name in (("peak", "peak_force"), ("impulse", "impulse")):
-            error = proof.error_of(quantity, getattr(hit, name))
+            error = proved_error(proof, quantity, getattr(hit, name))
             shares["truncation"] = {**shares["truncation"], name: error}
 
     unknown = _unknown_mesh(hit, model, stretches, of_mesh, CUT_PATCH_NOTE in patch_notes)

@@ -35,7 +35,7 @@ from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import collective, compat
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
-from antiosc.impact.enclosure import enclosures
+from antiosc.impact.enclosure import enclosures, proved_error
 from antiosc.impact.histories import History
 from antiosc.impact.histories.bars import QUANTITIES, relative_differences
 from antiosc.impact.scene import simulate
@@ -456,7 +456,7 @@ def member_of(answer: MeshAnswer) -> TradeoffMember:
     proved = math.nan
     with suppress(InputError):  # outside the assumptions of the proof
         (proof,) = enclosures(answer.raw.assembly, answer.raw.run)
-        proved = proof.error_of("peak", answer.raw.peak_force)
+        proved = proved_error(proof, "peak", answer.raw.peak_force)
 
     return TradeoffMember(
         family=type(matrices.parts[0][0]).__name__,
