@@ -47,9 +47,8 @@ docs: $(READY) ## the pages, in out/docs/index.html; a warning is an error
 	.ci/install .ci/packages-docs
 	$(PYTHON) -m sphinx -W --keep-going -q -b html docs out/docs
 
-# Three processes share the test files on two cores, since some wait for their ranks and readers;
-# `make test WORKERS=0` runs them in one.
-WORKERS ?= 3
+# Two processes share the test files; `make test WORKERS=0` runs them in one.
+WORKERS ?= 2
 
 test: $(READY) ## all tests, those on several MPI ranks included
 	$(PYTHON) -m pytest -n $(WORKERS) --dist loadfile
