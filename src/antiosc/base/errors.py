@@ -154,7 +154,7 @@ def _frames_to_caller() -> int:
 
 @contextmanager
 def warnings_to(receiver: Callable[[str], None]) -> Iterator[None]:
-    """Context in which `receiver` gets antiosc's warnings of this thread, not Python's filters."""
+    """Context in which `receiver` gets this thread's antiosc warnings, not Python's filters."""
     token = _warning_receiver.set(receiver)
     try:
         yield
@@ -169,7 +169,7 @@ def without_warnings() -> AbstractContextManager[None]:
 
 @contextmanager
 def warnings_of_last() -> Iterator[Callable[[], None]]:
-    """Context of several trials; yields a function that drops the warnings of the earlier ones."""
+    """Context of several trials; it yields a function that drops the warnings of earlier trials."""
     messages: list[str] = []
 
     try:
@@ -208,7 +208,7 @@ NEAREST_NAME_COUNT = 5
 
 
 def name_list(wanted: object, names: Iterable[str], what: str) -> str:
-    """Text "`what` are: 'a', 'b'", or of many names those that are nearest to the wanted one."""
+    """Text "`what` are: 'a', 'b'"; of many names it lists only those nearest to the wanted one."""
     sorted_names = sorted(names)
     if len(sorted_names) <= MAX_LISTED_NAMES:
         return f"{what} are: {', '.join(map(repr, sorted_names)) or 'none'}"

@@ -16,7 +16,7 @@ from antiosc.base.texts import engineering
 
 @dataclass(frozen=True)
 class MaterialRecord:
-    """A material as the table has it, SI units; None and 0 are not in the sources."""
+    """A material as the table has it, in SI units; None or 0 where the sources give no value."""
 
     name: str
     E: Any  # E, nu: of wood those of `orthotropic`, with G

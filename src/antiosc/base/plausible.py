@@ -103,7 +103,7 @@ def material_doubt(material: ExaminedMaterial) -> str:
 
 
 def size_doubt(extent: float, unit_stated: bool = False, is_frame: bool = False) -> str:
-    """Why the diagonal [m] of a part is implausible, or ""; frames, stated units may be large."""
+    """Why the diagonal [m] of a part is implausible, or ""; frames, stated units may be larger."""
     long = USUAL_RANGES["length"].high < extent
     if long and (unit_stated or (is_frame and extent <= MAX_FRAME_SIZE)):
         return ""
@@ -140,7 +140,7 @@ def patch_doubt(radius: float, extent: float) -> str:
 def impact_doubts(
     models: Iterable[object], movers: Iterable[object], *velocities: object
 ) -> list[str]:
-    """For each model, why the largest speed is implausible, or ""; InputError far beyond."""
+    """For each model, why the largest speed is implausible, or ""; InputError if impossible."""
     all_velocities = [*velocities, *[getattr(mover, "velocity", 0.0) for mover in movers]]
     speed = max(map(_max_speed, all_velocities), default=0.0)
     return [_impact_doubt(model, speed) for model in models]

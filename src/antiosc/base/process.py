@@ -156,7 +156,7 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def blas_threads(front_operations: Array) -> Iterator[int | None]:
-    """Context with as many BLAS threads as pay for fronts of so many operations; yields them."""
+    """Context with as many BLAS threads as `front_operations` are worth; yields their number."""
     blas = None if user_threads() else _blas()
     if blas is None:
         yield None

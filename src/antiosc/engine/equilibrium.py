@@ -111,7 +111,8 @@ def set_initial_forces(system: System, preload: bool = False) -> None:
 def continue_contacts(
     system: System, contacts: Sequence[ContactState | None], forces: Array
 ) -> None:
-    """Set contacts (p) that go on from a run (None: new), with forces (p,) [N] at its end."""
+    """Set the contact forces at the start: those that go on from a run keep its end `forces` (p,)
+    [N], new ones (None) are in equilibrium."""
     laws = system.laws
     p = len(laws)
     R = system.R[:p, :p]
@@ -155,7 +156,8 @@ def _states(laws: Sequence[ContactLaw], contacts: Sequence[ContactState | None])
 def _closing_forces(
     laws: Sequence[ContactLaw], states: list[State], free: Array, R: Array, guess: Array
 ) -> Array:
-    """Forces (p,) [N] of contacts, from a guess; free : (p,) indentations [m] without forces."""
+    """Contact forces (p,) [N], sought from `guess`; `free` (p,) [m]: indentations without
+    forces."""
     force = guess.copy() if np.any(R) else np.zeros(len(laws))
     for _ in range(1000):
         change = 0.0

@@ -348,7 +348,7 @@ def _real_clusters(poles: Numbers) -> list[list[int]]:
 
 
 def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Numbers, Numbers]:
-    """Poles and modes Z of a cluster, anew in their subspace if that belongs to them alone."""
+    """Poles and modes Z of a cluster, computed again in their subspace if it holds no others."""
     low = poles.real.min() * (1 + CLUSTER_DISTANCE / 2)
     high = poles.real.max() * (1 - CLUSTER_DISTANCE / 2)
 

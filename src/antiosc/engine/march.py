@@ -294,7 +294,8 @@ def run(
 
 @dataclass(eq=False)
 class Converged:
-    """The finest run, its error of a step (or step [s]), its errors, and until when two agree."""
+    """The finest run, its error of a step (or its step [s]), its errors, and the time until which
+    the last two runs agree."""
 
     run: Run
     step_tol: float

@@ -267,7 +267,8 @@ class ExcludedZones(NamedTuple):
         return np.asarray(cKDTree(sharp).query(points)[0] <= self.distance)
 
     def judged_mask(self, points: Array, known: BoolArray) -> tuple[BoolArray, str]:
-        """(mask (P,) of judged ones of the `known` points, in words); a zone of all is ignored."""
+        """(mask (P,) of the `known` points that are judged, text on the zones); a zone of all is
+        ignored."""
         radii = sorted(zone.ball[3] for zone in self.contacts)
         ends = dict.fromkeys(engineering(radius, "m", 2) for radius in (*radii[:1], *radii[-1:]))
         of_contacts = f"{PLASTIC_ZONE_RADII:g} radii of the contact ({' to '.join(ends)})"

@@ -49,7 +49,7 @@ SAME_TIME_SHARE = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """Motion of a body over a run, as B factors of the columns of a field."""
+    """Motion of a body over a run, as the factors of the B columns of a field."""
 
     node_times: Array  # (n,) of the history [s]
     factors: Callable[[Array], Array]  # times (k,) -> (k, B)

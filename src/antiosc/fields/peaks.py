@@ -469,7 +469,8 @@ def _excluded_zones(
     r0: float | None,
     held: Array,
 ) -> ExcludedZones:
-    """Places of no margin: near edges of solids, `held` points, and contacts but of beams."""
+    """Places without a margin: near edges of solids, `held` points, and contacts except on
+    beams."""
     module = source(structure)
     families = module.families(structure, part)
     if not families & {"solid", "sheet"}:

@@ -351,7 +351,8 @@ def _filtered_derivative(
     signal: Callable[[AnyHistory, Array], Array],
     derivative: int,
 ) -> Array:
-    """Filtered derivative of `signal(history, t)` (n, …); the run may be repeated for longer."""
+    """Filtered derivative of `signal(history, t)` (n, …); the filter may need a longer, repeated
+    run."""
     if not isinstance(history, RunHistory):
         raise InputError(
             "a filter needs motion before and after the times: probe the scene's history with body."

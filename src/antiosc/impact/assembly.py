@@ -49,7 +49,7 @@ MIN_COMPLIANCE_SHARE = 0.1  # fraction of a tangential compliance left to the sl
 
 
 def expect_contacts(scene: SceneParts, system: System, local: Array, duration: float) -> float:
-    """Set what is expected of each contact; returns the shortest contact time [s]."""
+    """Set the expected values of each contact; returns the shortest expected contact time [s]."""
     p = len(system.laws)
     gaps = system.offsets[0, :p]
     modal = system.v if system.v.any() else system.omega * system.q  # of what is let go
@@ -137,7 +137,7 @@ def effective_mass(beta: Array, omega: Array) -> float:
 
 
 def _largest_component(beta: Array, modal: Array) -> Array:
-    """Largest |modal · beta| (p,) of rows (K, J); where terms cancel a tenth of their sizes."""
+    """Largest |modal · beta| (p,) over rows (K, J); if its terms cancel, a tenth of Σ |terms|."""
     direct = abs(modal @ beta.T)
     parts = abs(modal) @ abs(beta).T
 

@@ -278,7 +278,7 @@ ICE_DENSITY = 917.0
 
 @dataclass(frozen=True, repr=False)
 class NamedImpactor(FieldsRepr):
-    """A named impactor with the source of its numbers; None is not in the source."""
+    """A named impactor with the source of its numbers; None: the source does not give it."""
 
     name: str  #: its name in `named_impactor`
     source: str  #: the document that gives the numbers

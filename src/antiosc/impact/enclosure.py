@@ -109,7 +109,8 @@ class _ReferenceBody(NamedTuple):
 
 
 def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosure, ...]:
-    """The narrowest bounds on each force; with `tol` those of the fewest vectors that meet it."""
+    """The narrowest bounds on each force; with `tol` those of the fewest vectors that achieve
+    it."""
     _check_run(assembly, run)
     bodies = assembly.bodies.values()
     sizes = consecutive_slices([body.omega.size for body in bodies])

@@ -201,7 +201,7 @@ def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
 def _unknown_mesh(
     hit: History, model: AntiOscillators, stretches: bool, of_mesh: MeshErrors, is_cut: bool
 ) -> dict[str, str]:
-    """Why the error of "mesh", and perhaps of "truncation", is unknown: name -> text, or {}."""
+    """Why the error of "mesh" (and maybe "truncation") is unknown: name -> reason, {} if known."""
     reason = model.info.no_estimate
     if reason and model.strain_error is None and not stretches:
         what = "The mesh's error, and that of beams or shells in place of solids,"
@@ -328,7 +328,7 @@ def _mesh_errors(impact: RepeatedImpact, linear_note: str) -> MeshErrors:
 
 
 def _safety_factor(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
-    """(safety factor of the mesh error, doubts); share : energy of strain errors in the energy."""
+    """(safety factor of the mesh error, doubts); `share`: of strain errors in the energy."""
     safety = SAFETY
     doubts = []
     if share > COARSE_STRAIN_ERROR:
@@ -380,7 +380,8 @@ def _time_errors(hit: History) -> list[float]:
 
 
 def _step_errors(hit: History, finer: History | None, tol: float) -> dict[str, float]:
-    """Errors by the time steps: the run's estimate, or its change in a run `finer` to `tol`."""
+    """Time-step errors: the run's own estimate, or its change in a run `finer` with tolerance
+    `tol`."""
     error = max(_time_errors(hit), default=0.0)
     estimated = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
     change = bars.ZERO_ERRORS if finer is None else bars.relative_changes_with_site(hit, finer)

@@ -133,7 +133,7 @@ def run_in_fixed_steps(s: System, step: float, duration: float, settings: Settin
 
 
 def _by_fixed_steps(assembly: Assembly, duration: float, settings: Settings) -> Converged:
-    """A run in the given step, or in ever shorter ones, whose last difference is the error."""
+    """A run in the given step, or runs in ever shorter ones, whose last change is the error."""
     s = assembly.system
     method, tol = settings.method, settings.tol
     top = float(s.omega.max(initial=0.0))
@@ -320,7 +320,7 @@ class _EventSolver:
         return excess
 
     def _nodes_of_steps(self, ends: Array, at: Callable[[Array], Array]) -> tuple[Array, ...]:
-        """Time, force, depth, states at the nodes of steps with these ends [s], each divided."""
+        """Time, force, depth, states at the nodes that divide the steps between `ends` [s]."""
         share = np.arange(2 * NODES_PER_STEP) / (2 * NODES_PER_STEP)
         t = np.append((ends[:-1, None] + np.diff(ends)[:, None] * share).ravel(), ends[-1])
         y = at(t).T

@@ -117,7 +117,8 @@ def _free_modes(system: System, q: Array, v: Array) -> tuple[Array, Array]:
 def damping_states(
     run: Run, system: System, step: Index, since: Array
 ) -> tuple[Array, list[list[Array]]]:
-    """Decelerations (n, J) by coupled damping, displacements (n, J) of each branch's springs."""
+    """(decelerations (n, J) by coupled damping, [displacements (n, J) of the springs of a
+    branch])."""
     assert system.first is not None
     integrated = integrated_states(run, system, step, since)
     return system.first.motion(*integrated)[2], system.first.springs(*integrated)

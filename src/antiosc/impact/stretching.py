@@ -122,7 +122,7 @@ def motion_of(history: History, name: str) -> StretchedMotion:
 
 
 def with_stretch(linear: H, integrate: IntegrateAssembly[H], tol: float) -> tuple[H, str]:
-    """(linear run, or its repeat with second-order forces unless small; a warning or "")."""
+    """(the linear run, or its repeat with second-order forces if they matter; a warning or "")."""
     a = linear.assembly
     stretching = [name for name, body in a.bodies.items() if body.stretch is not None]
     motion_by_body = {name: motion_of(linear, name) for name in stretching}
@@ -198,7 +198,7 @@ def largest_force(history: History) -> float:
 
 
 def relative_differences(first: History, second: History) -> dict[str, float]:
-    """Largest relative changes between two runs: of each quantity of contacts, of deflections."""
+    """Largest relative changes between two runs, by quantity of the contacts and by deflection."""
     worst = dict.fromkeys(bars.QUANTITIES, 0.0)
     for a, b in zip(first.contact_histories, second.contact_histories, strict=True):
         if b.contacts:
@@ -215,7 +215,7 @@ def relative_differences(first: History, second: History) -> dict[str, float]:
 
 
 def stretch_shares(changes: Mapping[str, float], before: float) -> dict[str, float]:
-    """Bounds for motions left out, by the changes with two more and the energies `before`."""
+    """Bounds by quantity on what left-out motions change; `changes`: those of two more motions."""
     worst = max(changes.get(name, 0.0) for name in DECIDING_WEIGHTS)
     floors = dict.fromkeys(bars.QUANTITIES, bars.MIN_ERROR_SHARE * worst)
     floors[bars.DEFLECTION] = 0.0  # it is among those that make the floors
@@ -234,7 +234,7 @@ def stretch_shares_of(run: History) -> dict[str, float]:
 
 
 def _too_few_text(count: int, shares: Mapping[str, float]) -> str:
-    """Sentence on a run with `count` motions that two more would still change."""
+    """Sentence on a run with `count` second-order motions, which two more would still change."""
     force, deflection = shares["peak_force"], shares[bars.DEFLECTION]
     advice = f" To narrow it, {NARROWING_REMEDY}." if max(force, deflection) > ROUGH_ERROR else ""
     return (

@@ -249,8 +249,8 @@ class Division(NamedTuple):
 
 
 def mesh_of_deck(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Division:
-    """The elements of a deck as cells, its sets as groups; lines of order 2 halved, as `Beam`
-    needs, `mixed` with triangles; MeshError for an element without volume or area."""
+    """The elements of a deck as cells, its sets as groups; lines of order 2 are halved if `Beam`
+    needs it, `mixed` keeps shapes of faces apart; MeshError for one without volume or area."""
     nodes = NodeTable(deck.points)
     cells: dict[str, IntArray] = {}
     owners: dict[str, IntArray] = {}

@@ -355,7 +355,8 @@ def outer_facets(cells: NDArray[Any], sides: Sequence[Sequence[int]]) -> NDArray
 
 
 def connected_pieces(tables: Iterable[IntArray], count: int) -> IntArray:
-    """Number (count,) of each node's piece; rows of tables (n, k), but below 0, connect nodes."""
+    """Number (count,) of each node's piece; a row of `tables` (n, k) connects its nodes (< 0:
+    none)."""
     from scipy.sparse import coo_matrix  # few files need it, and it loads slowly
     from scipy.sparse.csgraph import connected_components
 

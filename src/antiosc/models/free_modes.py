@@ -274,8 +274,8 @@ def model_parameters(
 def _lanczos(
     A: Array, b: Array, bAb: Array, massless: Array, phi: Array, n: int
 ) -> tuple[Array, Array, Array]:
-    """(n Ritz values of T (S, n), coefficients of phi (S, n), residual mass (S,)) from the start T
-    phi; a massless compliance r adds (b'v)^2/r to v'Av, without one b'v = 0."""
+    """(n Ritz values of T (S, n), coefficients of phi (S, n), residual mass (S,)) by Lanczos from T
+    phi; the residual compliance r adds (b'v)^2/r to v'Av; r = 0 constrains b'v = 0."""
     y = b / A
     soft = massless > 0
     stiff = np.where(soft, 1 / np.where(soft, massless, 1.0), 0.0)
@@ -336,7 +336,8 @@ StiffnessFunction = Callable[[ComplexArray], Numbers]
 
 
 def sample_frequencies(top: float, lowest: float, step: float = DAMPING_RATIO) -> ComplexArray:
-    """Damped frequencies (W,) up to `top` [rad/s] by `step`; Z is static below `lowest`."""
+    """Damped frequencies (W,), `step` apart, from `lowest`, below which Z is static, to `top`
+    [rad/s]."""
     start = BAND_START_RATIO * min(top, lowest)
     count = int(np.ceil(np.log(top / start) / step)) + 2
     return np.geomspace(start, top, count) * (1 + 1j * DAMPING_RATIO)

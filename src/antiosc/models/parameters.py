@@ -178,8 +178,8 @@ def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array 
 def parameters_by_name(
     sites: Sequence[str], *, k0: Array, m0: Array, P: Array, **of_sites: Any
 ) -> Any:
-    """Parameters of `AntiOscillators` by name; without `sites` m takes the place of P, matrices are
-    numbers, and values along axes are those along its direction."""
+    """Parameters of `AntiOscillators` by name. Without `sites` it is a model of one site: m
+    replaces P, matrices become numbers, and values along axes those along its direction."""
     if sites:
         return {"sites": sites, "k0": k0, "m0": m0, "P": P, **of_sites}
 
@@ -503,7 +503,8 @@ def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Arr
 
 
 def energy_error(model: Parameters, E: Array, weights: Array) -> float:
-    """Strain errors' share of the energy by E and `weights` Σ a aᵀ of amplitudes (p + N)."""
+    """Share of strain errors in the energy; E: their energies, `weights`: Σ a aᵀ of amplitudes
+    a."""
     energy = float(np.sum(weights * model.stiffness))
     if energy > 0:
         return float(np.sum(weights * E)) / energy

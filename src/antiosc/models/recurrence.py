@@ -162,8 +162,8 @@ def recurrence_of(
     shift: float,
     dropped: float | None,
 ) -> Recurrence | None:
-    """The recurrence with start = VᵀMΦ and H = VᵀMV, of blocks up to `ends` that couple with
-    neighbours alone, or None; `dropped`: length of a next vector of rounding alone."""
+    """The recurrence with start = VᵀMΦ and H = VᵀMV if its blocks (up to `ends`) couple only with
+    neighbours, else None; `dropped`: length of a next vector that is rounding alone."""
     size_of = np.sqrt(np.maximum(H.diagonal(), 0.0))  # of V; the next lines by Cauchy and Schwarz
     beside = np.abs(H / size_of.max())
     for first, last in zip((0, *ends), (*ends[1:], len(H)), strict=False):

@@ -36,7 +36,7 @@ MASSLESS_RATIO = 1e-15
 
 
 def free_modes(model: Parameters) -> ModalBody | SiteModes:
-    """The free modes of a model in lambda, or u and eta; those of hidden motions come first."""
+    """The free modes of a model in lambda, or in u and eta; those of hidden motions come first."""
     p, hidden = model.n_sites, model.hidden_count
 
     # coordinates from u and eta, amplitudes of shapes from these (Article (8))

@@ -138,7 +138,7 @@ def stress_errors_of_part(part: MeshedStructure, shapes: Array, factors: Array) 
 
 
 def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> tuple[Array, Array]:
-    """(stresses (C, n, 6), empty) at the n nodes of solid cells; of sheets (von Mises stresses (C,
+    """(stresses (C, n, 6), empty) at the n nodes of solid cells; for sheets (von Mises stresses (C,
     n, 1), products of normals (C, n, 6))."""
     shapes = compat.with_ghosts(part.form.space, shapes)
     is_solid = part.kind.name == "solid"

@@ -123,7 +123,8 @@ def layers_of(material: object) -> Sequence[Layer]:
 
 
 def strength_of(material: object, place: Place) -> AnyStrength:
-    """Strength of a material at a place, None: unknown: yield, `TensileStrength` or a layer's."""
+    """Strength of a material at a place: yield, `TensileStrength` or that of a layer; None:
+    unknown."""
     layers = layers_of(material)
     if not layers:
         tensile = getattr(material, "tensile", None)

@@ -368,7 +368,8 @@ class Strains(NamedTuple):
 
 
 class SheetAxes:
-    """Directions of 0° (default: along x, or y) and top sides of cells; all ranks construct it."""
+    """Directions of 0° (default: along x, or y) and top sides of cells; all ranks must construct
+    it."""
 
     def __init__(self, part: MeshedStructure) -> None:
         self.axis, self.side = part.axes_and_sides

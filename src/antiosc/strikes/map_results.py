@@ -271,7 +271,8 @@ def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:
 def hardest(
     impact_map: ImpactMap, sites: IntArray | None = None, values: Array | None = None
 ) -> int:
-    """The reliable site (of `sites`) with the largest of `values` (P,), or peak force."""
+    """The reliable site (one of `sites`) with the largest of `values` (P,), or of the peak
+    forces."""
     values = impact_map.peak_force if values is None else values
     assert values is not None
     sites = trusted(impact_map, sites)

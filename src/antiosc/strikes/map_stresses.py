@@ -176,7 +176,7 @@ def _largest_stress(columns: Array, x: Array, weights: Array) -> tuple[float, in
 
 
 def _principal_rotation(columns: Array, x: Array) -> tuple[Array, Array, Array]:
-    """(columns and factors turned to principal ones, which bound a run closely; bounds (S,))."""
+    """(columns and factors rotated to principal ones, which bound a run closely; bounds (S,))."""
     sizes = np.sqrt(np.einsum("spb,spb->b", columns, columns))
     sizes = np.where(sizes > 0, sizes, 1.0)
     weighted = x * sizes

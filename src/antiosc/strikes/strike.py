@@ -350,7 +350,7 @@ def answer_on_mesh(
 def answer_with_n(
     structure: Structure, site: Site, run: RunFunction, accuracy: float, n: int
 ) -> MeshAnswer:
-    """The answer with `n` anti-oscillators, whatever their error, of runs to `accuracy`."""
+    """The answer with `n` anti-oscillators, whatever their error; `accuracy`: that of its runs."""
     structure.factorize()
     start_time = clock() - structure.seconds["factorization"]
     proof = not structure.matrices.dissipation()
@@ -421,7 +421,7 @@ def _next_mesh(
     meshes: int,
     requested: float,
 ) -> tuple[Array, str]:
-    """The next mesh: (ratio of new to old size of each cell, "" or why no mesh follows)."""
+    """(ratio of new to old size of each cell of the next mesh, "" or why no mesh follows)."""
     allowed = _room_for_mesh(answer.budget, tol)
     if min(allowed.values()) < MIN_MESH_SHARE * tol:
         return np.ones(0), _no_room_text(answer, requested)
@@ -507,7 +507,7 @@ def _no_room_text(answer: MeshAnswer, tol: float) -> str:
 def _finished_history(
     answer: MeshAnswer, aim: float, tol: float, records: list[dict[str, float]], reason: str
 ) -> History:
-    """The history with its budget; aim : numerical tolerance, reason : why no mesh follows."""
+    """The history with its budget; `aim`: numerical tolerance, `reason`: why no mesh follows."""
     hit = answer.hit
     budget = answer.budget
     model = replace(hit.model, info=hit.model.info.having(strike=records))

@@ -114,7 +114,7 @@ def factor_entries(structure: Structure) -> float:
 def run_unreduced(
     make_blow: Callable[[], UnreducedImpact], seconds: float, report: Callable[[str], None]
 ) -> MethodOutcome | str:
-    """Run the unreduced model; or a sentence on why it was not run, as within `seconds`."""
+    """Run the unreduced model, or say in a sentence why it was not run, as for over `seconds`."""
     try:
         blow = make_blow()
         expected = blow.structure.seconds["assembly"]

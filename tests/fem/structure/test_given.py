@@ -142,7 +142,7 @@ def test_dofs_without_stiffness_or_mass():
     K[2] = K[:, 2] = 0
     assert ao.Structure.from_matrices(K, M).rigid_modes.shape[1] == 1  # a mass that floats
     M[2, 2] = 0
-    with refused("1 dofs have no stiffness, no mass, as 2"):
+    with refused("1 dofs have neither stiffness nor mass, as dof 2"):
         ao.Structure.from_matrices(K, M)
 
 

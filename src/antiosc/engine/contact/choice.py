@@ -164,7 +164,8 @@ def _strength(matter: Matter) -> float:
 def _elastic_share(
     soft: Matter, other: Matter, modulus: float
 ) -> tuple[float, tuple[float, float] | None]:
-    """(`elastic_share` of the law, its possible interval or None if exact); modulus : E* [Pa]."""
+    """(`elastic_share` of the law, its possible interval or None if exact); `modulus` is E*
+    [Pa]."""
     largest_share = 0.0 if other.rigid else (1 - other.nu**2) / other.E * modulus
     ratio = _strength(other) / _strength(soft)
     if largest_share == 0.0 or ratio >= ELASTIC_STRENGTH_RATIO:

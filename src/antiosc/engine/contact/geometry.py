@@ -105,7 +105,8 @@ def _ellipse(ratio: float) -> tuple[float, float, float]:
     from scipy.optimize import brentq  # loaded where it is used: it takes long
 
     def excess(y: float) -> float:
-        """Log of B/A, less the given one, for the log of (b/a)^2."""
+        """The law for the contact of two surfaces; `restitution` if it is known. Else
+        InputError."""
         m1, D, K = _integrals(exp(y))
         return log((K - D) / (m1 * D) / ratio)
 

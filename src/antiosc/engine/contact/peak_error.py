@@ -69,7 +69,7 @@ def unknown_error(choice: Choice, peak: float) -> str:
 
 
 def weakest_and_strongest(choice: Choice, peak: float, contact_time: float) -> list[ElasticPlastic]:
-    """The laws of the least and, at the contact's strain rate, largest strength, if they matter."""
+    """Laws with the least and the largest strength at the contact's strain rate, if they matter."""
     law = choice.law
     soft = choice.soft
     if not isinstance(law, ElasticPlastic) or soft is None:
@@ -90,7 +90,7 @@ def largest_strain(choice: Choice) -> float:
 
 
 def stiffness_factors(choice: Choice, strain: float) -> tuple[float, ...]:
-    """Least and largest factor on the stiffness by a large indentation over radius; () if none."""
+    """Bounds on the stiffness factor at a large `strain` (indentation over radius), or ()."""
     if strain < LEAST_STRAIN:
         return ()
     share = FORCE_LOSS_BY_STRAIN * sqrt(min(strain, LARGEST_STRAIN))

@@ -77,7 +77,8 @@ MOST_POINT_ROWS = 24
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """Rows C (m, n + k), each to be solved for its `pivot` (-1: any); `owner` among `labels`."""
+    """Rows C (m, n + k) of constraints; each is solved for its `pivot` dof (-1: any of its dofs),
+    and `owner` is the index of its label in `labels`."""
 
     C: Sparse
     pivot: IntArray
@@ -168,7 +169,8 @@ def _solved(system: _System) -> tuple[Sparse, IntArray, Counter[str]]:
 
 
 def _triangular_rounds(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]:
-    """([(rows, dofs for which they are solved, in no later row)] by rounds, remaining rows)."""
+    """([(rows, dofs for which they are solved)] by rounds, remaining rows); no later row contains
+    these dofs."""
     rounds: list[tuple[IntArray, IntArray]] = []
     remaining = np.arange(system.C.shape[0])
     while len(remaining):

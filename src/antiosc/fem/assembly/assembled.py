@@ -438,7 +438,7 @@ def group_of(matrices: PartsMatrices, name: str, what: str = "point") -> tuple[M
 def point_on_parts(
     matrices: PartsMatrices, point: Sequence[float] | str | None, part: str | None, node: int | None
 ) -> tuple[Array, str | None, PointMotion | None]:
-    """(coordinates (3,) [m], part, motion without a mesh), the latter or None, of any point."""
+    """(coordinates (3,) [m], part or None, motion if the point has no mesh) of any point."""
     if node is not None:
         for member in matrices.members(part):
             mesh = member.part.mesh

@@ -299,7 +299,8 @@ class _Projection:
     load: Sparse  # (nodes, points) φ times the weights of the points
 
     def component(self, free: BoolArray, motion: Sparse, layout: Layout, dofs: IntArray) -> Sparse:
-        """One component, on `dofs` of all nodes, of the free ones by the leader's (points, n)."""
+        """Projection of one component onto the `free` nodes; `dofs` are those of all nodes,
+        `motion` (points, n) is the leader's."""
         spread, inverse = self._inverted(free)
         right = spread @ self.load @ motion
         fixed_columns = (spread @ self.D).tocsc()[:, ~free]
@@ -444,7 +445,8 @@ def rotation_rows(
     motion: Array | Sparse,
     label: str,
 ) -> Rows:
-    """Constraints by which rotations of nodes follow n × g (3 nodes, n), but about `normals`."""
+    """Constraints by which the nodes' rotations follow n × g (3 nodes, n), except about
+    `normals`."""
     member = edge.member
     dofs = np.column_stack([layout.dofs(member, nodes, name) for name in ROTATIONS])
     units = normals / np.linalg.norm(normals, axis=1, keepdims=True)

@@ -184,8 +184,8 @@ SHARE_DEGREE = 6
 
 
 def relative_stiffening(part: MeshedStructure, shape: Array, stiffness: float) -> float:
-    """Relative change [1/m] of a sheet's secant stiffness per metre of deflection; < 0: softer. The
-    energy of q × shape is k q²/2 + g q³/2 with g = ∫ N : η, the force k q (1 + 3 g q/(2 k))."""
+    """Relative change [1/m] of a sheet's secant stiffness per metre of deflection; < 0: it softens.
+    The energy of q × shape is k q²/2 + g q³/2 with g = ∫ N : η, the force k q (1 + 3 g q/(2 k))."""
     if is_flat(part) and part.preload is None:
         return 0.0
     points = _points_by_rule(part, SHARE_DEGREE)

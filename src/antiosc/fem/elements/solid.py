@@ -268,7 +268,9 @@ class AnisotropicSolid(FieldsRepr):
             raise InputError("stiffness must be symmetric.")
         smallest_eigenvalue = float(np.linalg.eigvalsh((C + C.T) / 2).min())
         if not smallest_eigenvalue > 1e-12 * float(np.abs(C).max()):
-            raise InputError(f"stiffness must be positive definite: {smallest_eigenvalue:.3g} Pa.")
+            raise InputError(
+                f"stiffness must have eigenvalues > 0; got {smallest_eigenvalue:.3g} Pa."
+            )
 
         store(self, stiffness=read_only((C + C.T) / 2), rho=positive("rho", self.rho, "kg/m³"))
         store(self, axes=read_only(_checked_axes(self.axes)))

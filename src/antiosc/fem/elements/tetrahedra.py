@@ -74,7 +74,8 @@ class Cells(ABC):
         """The arrays that the argument of the C kernel points to, in double precision."""
 
     def add(self, k: float, m: float, u: Array, out: Array, linear: bool = False) -> None:
-        """Add (k K + m M) u to `out`, on all dofs of this rank; `linear`: u is so in each cell."""
+        """Add (k K + m M) u to `out`, on all dofs of this rank; `linear`: u is linear in each
+        cell."""
         if u.dtype not in self._arguments:
             arrays = [array.astype(u.dtype, copy=False) for array in self._arrays]
             addresses = [library.address(array) for array in arrays]
@@ -140,7 +141,8 @@ class LinearCells(StraightCells):
 
 
 class CurvedCells(Cells):
-    """Curved cells: nodes `x` (n, 10, 3) [m], `constants` of `StraightCells`, rules of K, M."""
+    """Curved cells: nodes `x` (n, 10, 3) [m], `constants` as of `StraightCells`, and the quadrature
+    rules of K and M."""
 
     function = function_of_linear = "afe_curved_product"
 
@@ -194,7 +196,8 @@ class CurvedCells(Cells):
 
 
 def _diagonal_blocks(lame: Array, shear: Array, inertia: Array) -> Array:
-    """Blocks (n, 3, 3) of a node by k ∫ λ grad N ⊗ grad N, k ∫ μ grad N ⊗ grad N and m ∫ ρ N²."""
+    """Diagonal blocks (n, 3, 3) of k K + m M, one a node, from k ∫ λ grad N ⊗ grad N, k ∫ μ grad N
+    ⊗ grad N and m ∫ ρ N²."""
     result = lame + shear
     diagonal = np.trace(shear, axis1=1, axis2=2) + inertia
     for a in range(3):

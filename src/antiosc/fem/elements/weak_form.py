@@ -150,7 +150,7 @@ def shown_direction(direction: Direction) -> str:
 
 
 def _check_neighbours(mesh: Mesh, x: Array, side: Array, has_sides: BoolArray) -> None:
-    """InputError for opposite normals (`side` ±1) of neighbours in unsymmetric stacks."""
+    """InputError if neighbours with unsymmetric layers have opposite normals (`side` is ±1)."""
     owned = compat.cell_index_map(mesh.dolfinx).size_local
     in_turn = CORNERS_AROUND[mesh.cell]
     number = np.asarray(mesh.dolfinx.geometry.input_global_indices)

@@ -16,7 +16,8 @@ def solver_for(
     prolongation: Callable[[], Matrix | None] = lambda: None,
     columns: float = 1.0,
 ) -> Solver:
-    """The solver of A by `choice`, levels as in `Levels`; `columns` at once, inf: direct."""
+    """The solver of A by `choice`, with levels as in `Levels`, for `columns` right-hand sides at
+    once (inf: always direct)."""
     if is_scipy(A):
         return SuperLU(A)
     from antiosc.fem.linalg import iterative, solver_choice  # need PETSc

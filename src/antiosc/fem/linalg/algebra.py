@@ -104,7 +104,8 @@ def skew(matrix: Matrix) -> Matrix:
 
 
 def fix_rows(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
-    """The matrix with global rows and columns zero, `value` on the diagonal; PETSc's changes."""
+    """The matrix with these global rows and columns zero and `value` on the diagonal; a PETSc
+    matrix is changed in place."""
     if not is_scipy(matrix):
         return _petsc().fix_rows(matrix, rows, value)
 

@@ -238,7 +238,8 @@ class _Memory:
 
 
 class Cholesky:
-    """P A Pᵀ = L Lᵀ of a sparse matrix in `block` rows a node, or with a known `permutation`."""
+    """P A Pᵀ = L Lᵀ of a sparse matrix with `block` rows per node, or with a known
+    `permutation`."""
 
     def __init__(
         self, A: scipy.sparse.csr_matrix, block: int = 1, permutation: IntArray | None = None

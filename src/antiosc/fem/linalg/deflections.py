@@ -65,8 +65,8 @@ class FactoredStructure(Protocol):
 def deflections(
     structure: FactoredStructure, loads: scipy.sparse.csr_matrix, omega: Array, b: Array
 ) -> tuple[Array, Array]:
-    """(bᵀy [m/N], yᵀMy [kg m²/N²]) of y = (K + shift M)⁻¹b for columns b (rows, P), on every rank,
-    which for modes `omega` (J,) [rad/s] have values bᵀφ `b` (P, J)."""
+    """(bᵀy [m/N], yᵀMy [kg m²/N²]) on every rank, with y = (K + shift M)⁻¹b, of the columns b of
+    `loads` (rows, P), whose values in the modes `omega` (J,) [rad/s] are `b` (P, J)."""
     solver = structure.factorize()
     if not isinstance(solver, Factorization):
         return _deflections_by_solves(structure, loads)

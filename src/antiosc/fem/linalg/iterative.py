@@ -214,8 +214,8 @@ AGGREGATED_CYCLES = 2
 
 
 class TwoLevels(Multigrid):
-    """Conjugate gradients, preconditioned by two levels: rigid-body `motions`() (rows, r), P, A⁻¹
-    by `inverse`(A), `coarse` PᵀAP, `factored` or by aggregates."""
+    """Conjugate gradients with a two-level preconditioner: `motions`() gives rigid-body motions
+    (rows, r), `inverse`(A) gives A⁻¹, and `coarse` is PᵀAP, `factored` or solved by aggregates."""
 
     method = "conjugate gradients with two levels"
     pace = ", which are slow where a part is thin or nearly incompressible"
@@ -259,8 +259,8 @@ class TwoLevels(Multigrid):
 
 
 class Cycle:
-    """A cycle of a level and those below it, approximate A⁻¹: interpolation P, approximate inverse
-    of the coarse matrix, visited `corrections` times between smoothings."""
+    """A multigrid cycle, an approximate A⁻¹: P interpolates from the next level, whose approximate
+    inverse is applied `corrections` times between two smoothings."""
 
     def __init__(
         self, A: PETSc.Mat, P: PETSc.Mat, coarse: Callable[[Array], Array], corrections: int = 1
@@ -271,7 +271,7 @@ class Cycle:
         self._smooth = Smoother(A)
 
     def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set y ≈ A⁻¹x, scaled: single numbers below 1e-38 take a hundred times as long."""
+        """Set y ≈ A⁻¹x. x is scaled, as products of single numbers below 1e-38 are slow."""
         load = x.array_r
         size = self._comm.allreduce(float(np.abs(load).max(initial=0.0)), MPI.MAX) or 1.0
         y.setArray(size * self(load / size))
@@ -352,7 +352,8 @@ def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
 
 
 def without_fixed(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
-    """P, changed: zero rows of `fixed` fine dofs, zero columns of coarse dofs that move them."""
+    """P, changed in place: zero in rows of `fixed` fine dofs and columns of coarse dofs that move
+    them."""
     coarse, fine = P.createVecs()
     fine.setArray(np.where(fixed, 1.0, 0.0))
     P.multTranspose(fine, coarse)

@@ -209,7 +209,7 @@ class MumpsFactor(PetscSolver, Factorization):
 
 
 def entries_by_mumps(A: PETSc.Mat) -> float:
-    """Forecast of MUMPS's entries by one displacement component of b: 1/b² of them; or 0."""
+    """MUMPS's number of entries, forecast from one displacement component, b² times; or 0."""
     block = A.getBlockSize()
     if block == 1:
         return 0.0

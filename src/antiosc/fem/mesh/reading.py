@@ -183,7 +183,7 @@ SIMPLEX_EDGES = {"triangle": EDGES["triangle"], "tetrahedron": EDGES["tetra"]}
 def _cells_where(
     points: Array, cells: IntArray, shape: str, order: int, fails: Callable[[Array], BoolArray]
 ) -> IntArray:
-    """Numbers of `cells`, in dolfinx's order, whose Jacobians (cells, q) fail a test."""
+    """Numbers of those `cells` (in dolfinx's order) whose Jacobians (cells, q) fail a test."""
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
     failed = [np.zeros(0, dtype=bool)]
     for start in range(0, len(cells), CELLS_AT_ONCE):
@@ -257,7 +257,8 @@ def refuse_degenerate(mesh: Mesh) -> None:
 
 
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:
-    """`points` with mid-side nodes of folded cells, and of cells that then fold, in the middle."""
+    """`points` with the mid-side nodes of folded cells moved to the middle of their sides; repeated
+    for cells that fold by this."""
     points = points.copy()
     edges = np.array(SIMPLEX_EDGES[shape])
     first = int(edges.max()) + 1

@@ -199,7 +199,7 @@ def corners_at(mesh: Mesh, nearest: ClosestPoint) -> Array:
 
 
 def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
-    """(cell, reference coordinates, distance [m] to it, inf: none here) of points (P, 3)."""
+    """(cell, reference coordinates, distance [m], inf if this rank has none) for points (P, 3)."""
     cell = np.zeros(len(points), dtype=int)
     distance = np.full(len(points), np.inf)
     X = np.zeros((len(points), mesh.tdim))

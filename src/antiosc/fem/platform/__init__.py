@@ -122,7 +122,7 @@ def _comm_of(value: object) -> MPI.Comm | None:
     """The communicator of a value; None without one."""
     if MPI is not None and isinstance(value, MPI.Comm):
         if value == MPI.COMM_NULL:
-            raise InputError("comm is MPI.COMM_NULL: call this on ranks of a communicator alone.")
+            raise InputError("comm is MPI.COMM_NULL: call this only on its member ranks.")
         return value
 
     try:

@@ -181,7 +181,8 @@ class DofPlaces:
         return result
 
     def polynomials(self, comm: MPI.Comm, centre: Array, size: float) -> Array:
-        """Fields (dofs, k) of degree <= 2 in (x − centre)/size; of rotations half their curl."""
+        """Fields (dofs, k) of degree <= 2 in (x − centre)/size; rotations have half the field's
+        curl."""
         s = (self.nodes - centre) / size
         axes = np.flatnonzero(comm.allreduce(self.axes[self.kind == MOVE].any(axis=0)))
         powers: list[tuple[int, ...]] = [(), *((j,) for j in axes)]
@@ -367,7 +368,7 @@ def _solver_unless_singular(comm: MPI.Comm, K: Matrix) -> Solver | None:
 
 
 def _rigid_energy_limit(K: Matrix) -> float:
-    """Limit of xᵀKx/xᵀDx, D = diag(K), of rigid motions x; products by strains round less."""
+    """Limit of xᵀKx/xᵀDx, D = diag(K), for rigid motions x; lower if K is applied by strains."""
     return RIGID_FORCE**2 if uses_strains(K) else RIGID_FORCE
 
 
@@ -376,7 +377,8 @@ def _solver(A: Matrix) -> Solver:
 
 
 def orthonormal_basis(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = None) -> Array:
-    """M-orthonormal basis (rows, r), put `into` an array, of columns of `block` (rows, k)."""
+    """M-orthonormal basis (rows, r) of the columns of `block` (rows, k), written to `into` if
+    given."""
     basis = np.empty(block.shape, order="F") if into is None else into
     count = 0
     for column in block.T:

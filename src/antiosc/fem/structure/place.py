@@ -48,7 +48,8 @@ class Place:
 def places_at(
     parts: Iterable[Member], points: Array, directions: Array | None = None
 ) -> list[Place]:
-    """The nearest place of any part to points (P, 3) [m]; of parts that touch the one struck."""
+    """The nearest place of any part to points (P, 3) [m]; if parts touch, that of the part
+    struck."""
     members = list(parts)
     nearest = [member.closest(points) for member in members]
     distance = np.array([found.distance for found in nearest])

@@ -185,7 +185,9 @@ def with_supports(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     of_K, of_M = (_checked_diagonal(name, matrix) for name, matrix in (("K", K), ("M", M)))
     empty = np.flatnonzero((of_K == 0) & (of_M == 0))
     if len(empty):
-        raise InputError(f"{len(empty)} dofs have no stiffness, no mass, as {empty[0]}: omit them.")
+        raise InputError(
+            f"{len(empty)} dofs have neither stiffness nor mass, as dof {empty[0]}: omit them."
+        )
 
     constrained = _penalised_dofs(K, of_K)
     first, last = algebra.row_range(K)

@@ -374,7 +374,8 @@ def _vanishing_combinations(
 def first_elastic_estimate(
     comm: MPI.Comm, K: PETSc.Mat, M: PETSc.Mat, fields: Array, motions: Array
 ) -> float:
-    """Rayleigh–Ritz estimate of the lowest elastic ω² by `fields` (rows, k), overwritten."""
+    """Rayleigh–Ritz estimate of the lowest elastic ω² from `fields` (rows, k), which it
+    overwrites."""
     shares = dot(comm, multiply(M, motions), fields)
     count = 0
     for column, share in zip(fields.T, shares.T, strict=True):

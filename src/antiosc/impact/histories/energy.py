@@ -210,7 +210,7 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
 def _cumulative_work_and_losses(
     a: Assembly, run: Run, mechanical: Array, work: Array, losses: Array
 ) -> tuple[Array, Array]:
-    """Work of loads, and losses by damping [J] up to each node; in flight one balances energy."""
+    """Work of loads, losses by damping [J] up to each node; in flight from the energy balance."""
     if not (np.any(work) or a.system.damped):
         return np.zeros(run.time.size), np.zeros(run.time.size)
     damped = a.system.damped

@@ -153,7 +153,7 @@ def scenes_text(scenes: Sequence[int], size: int, worst: int) -> str:
 
 
 def warn_of_batch(results: Sequence[tuple[int, str]], needed_radii: Sequence[float]) -> None:
-    """Warn once for each status of a batch; the worst scene needs the largest radius [m]."""
+    """Warn once for each status of a batch, by the scene that needs the largest radius [m]."""
     kinds: dict[int, list[int]] = {}
     for i, (status, message) in enumerate(results):
         if message != COMPLETED_MESSAGE:

@@ -176,8 +176,9 @@ def divided_structure(matrices: PartsMatrices) -> Structure:
 
 
 def lacking_energies(stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
-    """(lacking, surplus) parts (k, k) of `flexibility` - `stiffness`: energies by the loads of
-    shapes on the divided mesh, and of the shapes. Few integration points make an element soft."""
+    """(lacking, surplus) parts (k, k) of `flexibility` - `stiffness`, the energies under the
+    shapes' loads on the divided mesh and of the shapes; reduced integration makes an element
+    soft."""
     size = np.sqrt(stiffness.diagonal())
     inverse_size = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     relative = inverse_size[:, None] * (flexibility - stiffness) * inverse_size
@@ -430,8 +431,8 @@ SEARCH_RANGE = 50.0
 
 
 def size_ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -> Array:
-    """New over old size of cells of this rank, >= `LEAST_SIZE_RATIO`, by errors η² (cells,) and the
-    `goal`, required over present sum; `order`, `dim`: of the mesh."""
+    """Ratios of new to old size, >= `LEAST_SIZE_RATIO`, of this rank's cells with errors η²
+    (cells,); `goal`: required over present sum of errors; `order`, `dim`: of the mesh."""
     from scipy.optimize import brentq  # loaded where it is used: it takes long
 
     total, count = comm.allreduce(np.array([energies.sum(), float(len(energies))]))

@@ -115,7 +115,7 @@ def error_energies(part: MeshedStructure, shapes: Array) -> Array:
 
 
 def strain_errors(part: MeshedStructure, shapes: Array) -> Iterator[tuple[IntArray, Array]]:
-    """Yield (cells, R e √w (n, points · components, k)) of strain errors e, stiffness RᵀR."""
+    """Yield (cells, R e √w (n, points · components, k)): e the strain errors, RᵀR the stiffness."""
     strains = Strains(part, shapes)
     k = shapes.shape[1]
     for root, cells in _regions(part):

@@ -307,7 +307,7 @@ class ModeSolver:
 def _dense_modes(
     K: Matrix, M: Matrix, parts: list[tuple[IntArray, Array]], sigma: float
 ) -> tuple[Array, Array]:
-    """(ω ascending, shapes) of all modes by (free rows, conditions on these) of each rank."""
+    """(ω ascending, shapes) of all modes, from the (free rows, conditions on them) of each rank."""
     free, conditions = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     stiffness, mass = (matrix[free][:, free].toarray() for matrix in (K, M))
     conditions = conditions / np.linalg.norm(conditions, axis=0)

@@ -80,7 +80,8 @@ def _model_at(
     spent: float,
     errors: ModelErrors | None,
 ) -> AntiOscillators:
-    """The model of a group of sites by factors of K + sM and `expanded`; `spent` [s] on sites."""
+    """The model of a group of sites by factors of K + sM and `expanded`; the sites took `spent`
+    s."""
     start_time = time.perf_counter()
     terms = structure.matrices.dissipation()
     refused = {

@@ -75,7 +75,8 @@ def _on_q(structure: PartsMatrices, site: Site, functional: Functional) -> Funct
 def functionals_on_u(
     structure: PartsMatrices, sites: Sequence[Site], part_of: Callable[[Member], MeshedStructure]
 ) -> list[Functional]:
-    """Load vectors of sites on dofs of all parts before they are joined, as `part_of` has them."""
+    """Load vectors of sites on the dofs of all parts before these are joined; `part_of` gives the
+    part of a member."""
     by_site: dict[int, Functional] = {}
     by_part: dict[str, dict[int, Place]] = {}
     for k, (place, end) in enumerate(places_of(structure, sites)):
@@ -328,7 +329,7 @@ class ReleasedSupports:
         self._rigid = matrices.places.rigid_motions(np.zeros(3))[:, :3]
 
     def inertia(self, following: Array) -> tuple[Array, Array]:
-        """(M g, M r): g of supports completed by `following` (rows, 6 S), r unit translations."""
+        """(M g, M r): g: motions of the supports plus `following` (rows, 6 S); r: translations."""
         self._motions = self._motions + self._of.expanded(following)
         return self._forces("M", self._motions), self._forces("M", self._rigid)
 

@@ -46,8 +46,8 @@ POINTS_AT_ONCE = 20_000
 
 
 def disc_rule(rings: int) -> tuple[Array, Array]:
-    """Points (n, 2) in the unit disc and weights, of sum 1, for Hertz's pressure: of weight s r dr
-    = s² ds with s² = 1 − r², by Gauss in s and equidistant angles."""
+    """Points (n, 2) in the unit disc and weights (sum 1) for Hertz's pressure √(1 − r²): Gauss in s
+    = √(1 − r²), where s r dr = s² ds, and equidistant angles."""
     s, w = np.polynomial.legendre.leggauss(rings)
     s, w = (s + 1) / 2, w * ((s + 1) / 2) ** 2
     angles = np.pi * (np.arange(2 * rings) + 0.5) / rings  # none along an edge of the face
