@@ -63,7 +63,8 @@ def check_readable(path: Path, what: str) -> None:
 
     if not 0 < size <= MAX_READ_BYTES:
         raise InputError(
-            f"{path.name} has {size} bytes; {what} has 1 to {MAX_READ_BYTES:g}: cut it to these."
+            f"{path.name} has {size} bytes; {what} has 1 to {MAX_READ_BYTES:g}: leave out what is"
+            " not needed."
         )
 
 

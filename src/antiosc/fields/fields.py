@@ -395,11 +395,16 @@ def reactions(
     released = ReleasedSupports(matrices, structure.supports)
     scene = history.assembly.scene
     if stretch_of_motion(history, body) is not None:
-        raise InputError("no reactions of a part that stretches: extract without stretch.")
+        raise InputError(
+            "the reactions of a part that stretches are not computed: extract it without stretch."
+        )
     if scene.base is not None:
         raise InputError("reactions under a moving ground (Base) are not implemented.")
     if np.any(scene.gravity) and structure.rigid_modes.shape[1]:
-        raise InputError("no reactions under gravity of a part that can slide on its supports.")
+        raise InputError(
+            "the reactions under gravity of a part that can slide on its supports are not"
+            " computed: leave gravity out, or hold the part."
+        )
 
     solver = structure.factorize(released.pulled.shape[1])
     support_motions = elastic_response(structure, solver, released.pulled)

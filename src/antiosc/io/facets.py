@@ -286,7 +286,10 @@ def _surface_to_fill(request: Request) -> tuple[Surface, list[list[int]]]:
     """(closed surface of the requested bodies, pieces of each); cavities point inward."""
     surface = read_surface(request)
     if surface.open_edges:
-        raise MeshError(f"{request.name} has {surface.open_edges} open edges: repair it.")
+        raise MeshError(
+            f"{request.name} is not closed, with {surface.open_edges} open edges: repair it, or"
+            " read it as a sheet, without solid."
+        )
 
     bodies, pierced = _bodies(surface, request.name)
     if request.piece is not None:

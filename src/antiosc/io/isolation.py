@@ -346,7 +346,8 @@ def checked_script(text: str, name: str) -> tuple[str, list[str]]:
         line = checked.count("\n", 0, refused.start()) + 1
         raise MeshError(
             f"{name} is refused for line {line} ({' '.join(refused[0].split())}): a geometry may "
-            "run no program, read CAD alone, and write nothing; if you know its writer, use trust."
+            "run no program, read no file but CAD beside it, and write none; if you know its"
+            " writer, read it with trust (in Python alone)."
         )
 
     # gmsh 4.8 ignores a last line without a line end

@@ -417,7 +417,10 @@ class AntiOscillators(ReprMixin, Parameters):
         left_out = np.arange(n_sites + n, n_sites + self.n)
         damping = self.damping
         if self.stretch is not None:
-            raise InputError("a model that stretches keeps all: extract it without stretch.")
+            raise InputError(
+                "a model that stretches keeps all anti-oscillators: extract it without stretch,"
+                " or with fewer."
+            )
 
         if isinstance(damping, DampingMatrix):
             remaining = np.delete(np.arange(damping.n), left_out)

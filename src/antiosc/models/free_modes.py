@@ -137,7 +137,10 @@ def site_models(
     G = None if inertia is None else checks.floats("inertia", inertia, (len(b),))
     shift = checks.nonnegative("shift", shift, "rad^2/s^2")
     if not shift and omega[0] == 0:
-        raise InputError("rigid-body modes (omega = 0) need a shift > 0, C and G with it.")
+        raise InputError(
+            "a rigid-body mode (omega = 0) has no static compliance: give a shift > 0, and the"
+            " compliance and inertia of K + shift M."
+        )
 
     count = omega.size + 1 if n is None else min(checks.whole("n", n), omega.size + 1)
     r, s = residual_parameters(omega, b, C, G, shift)

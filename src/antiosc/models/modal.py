@@ -280,7 +280,8 @@ class ModalBase(ReprMixin):
             return np.zeros(self.omega.size)
         if self.B.shape[1] != 1:
             raise InputError(
-                f"a number is the velocity of one column, here {self.B.shape[1]}: give a Motion."
+                "a number is the velocity of a body of one column; this one has"
+                f" {self.B.shape[1]}: give a Motion of velocity and spin."
             )
 
         rigid_b = np.where(self.omega == 0, self.B[:, 0], 0.0)

@@ -247,7 +247,10 @@ def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> Param
     k0 = checks.nonnegative("k0", model.k0, "N/m")
     checks.nonnegative("m0", m0, "kg")
     if total == 0 and k0 == 0:
-        raise InputError("m0 = 0, k0 = 0 and no anti-oscillator: neither mass nor stiffness.")
+        raise InputError(
+            "a model with m0 = 0, k0 = 0 and no anti-oscillator has neither mass nor stiffness:"
+            " give it one."
+        )
 
     radius = None if model.radius is None else checks.positive("radius", model.radius, "m")
 

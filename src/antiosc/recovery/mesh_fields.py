@@ -252,7 +252,10 @@ def recovered(
 def _refuse_relaxing(structure: Structure, quantity: str) -> None:
     """InputError for stresses and section forces if a material relaxes."""
     if quantity in ("stress", "section_forces") and relaxes(structure):
-        raise InputError(f"{quantity.replace('_', ' ')} with prony is not known: probe the strain.")
+        raise InputError(
+            f"the {quantity.replace('_', ' ')} of materials that relax (prony) is not computed:"
+            " probe the strain, or leave prony out."
+        )
 
 
 def relaxes(structure: Structure) -> bool:

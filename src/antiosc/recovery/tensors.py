@@ -454,7 +454,10 @@ def _layers(sheet: Sheet) -> list[Layer]:
     if isinstance(sheet, Laminate):
         return list(sheet.layers)
     if isinstance(sheet, GivenSheet):
-        raise InputError("stresses of given stiffnesses are not known; probe section forces.")
+        raise InputError(
+            "the stresses of a shell that is given by its stiffnesses are not known: probe"
+            " section forces."
+        )
 
     return [Layer.isotropic(sheet.E, sheet.nu, sheet.rho, sheet.thickness)]  # type: ignore[attr-defined]
 

@@ -342,7 +342,8 @@ def modes_and_shift(
     null_space = block[:, zero]
     if null_vectors is not None and null_vectors.shape[1] != null_space.shape[1]:
         raise InputError(
-            f"rigid_modes has {null_vectors.shape[1]} columns, K {null_space.shape[1]} null vectors"
+            f"rigid_modes has {null_vectors.shape[1]} columns, K {null_space.shape[1]} null"
+            " vectors."
         )
 
     for _ in range(REFINEMENT_STEPS):
@@ -620,7 +621,10 @@ class NodalMatrices(StructureMatrices):
     def mass(self) -> float:
         inertia = self.rigid_inertia
         if inertia is None:
-            raise InputError("the total mass is known only of free bodies with coordinates.")
+            raise InputError(
+                "the total mass is known only of free bodies with coordinates: matrices lack the"
+                " mass of fixed dofs."
+            )
 
         return inertia[0].mass
 

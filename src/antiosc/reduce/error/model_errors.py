@@ -94,7 +94,10 @@ class Recovery:
 def _check_part(part: MeshedStructure) -> None:
     """InputError for a part of a single cell, and for linear elements that lock."""
     if part.mesh.n_cells < 2:
-        raise InputError("the error 'estimate' compares cells, not one: take a smaller size.")
+        raise InputError(
+            "the error 'estimate' compares neighbouring cells, and the mesh has one: give a"
+            " smaller size."
+        )
 
     strained = [m for m, _ in part.parts if getattr(m, "plane", None) != "stress"]
     nu = max((getattr(material, "nu", 0.0) for material in strained), default=0.0)
