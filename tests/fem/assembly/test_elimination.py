@@ -69,6 +69,17 @@ def test_the_span_of_T_is_the_null_space_of_the_constraints(seed):
     assert found.redundant["joint 4"] >= 1
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_rows_that_repeat_others_to_the_digits_of_a_deck_are_redundant(seed):
+    rows, C, fixed, scale = random_rows(seed)
+    matrix = rows[0].matrix.toarray()
+    matrix *= 1 + 3e-8 * np.random.default_rng(seed).normal(size=matrix.shape)
+    again = Rows.free(scipy.sparse.csr_matrix(matrix), "again")
+    once, twice = eliminate(rows, fixed, scale), eliminate([*rows, again], fixed, scale)
+    assert twice.dependent.sum() == once.dependent.sum()
+    np.testing.assert_allclose(C @ twice.T.toarray(), 0.0, atol=1e-6 * np.abs(C).max())
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
 @pytest.mark.parametrize("order", [1, 2])

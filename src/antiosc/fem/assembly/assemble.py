@@ -57,16 +57,17 @@ from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.matrices import COMPONENTS, DISPLACEMENTS, ROTATIONS
 from antiosc.models.anti_oscillators import AntiOscillators
 
-#: A row depends on earlier rows if less than this share of it is orthogonal to them.
-DEPENDENT_SHARE = 1e-9
+#: A row depends on earlier rows if less than this share of it is orthogonal to them: decks round
+#: coordinates, and so the weights of ties, to 7 digits or more.
+DEPENDENT_SHARE = 1e-6
 #: Coefficients below this share of the row's largest are rounding.
 LEAST_COEFFICIENT = 1e-14
 #: Least share of a row's largest coefficient for whose dof it is solved: few grow tenfold.
 LEAST_PIVOT = 0.1
 #: Largest coefficient of T: half of the 16 digits are then left.
 LARGEST_COEFFICIENT = 1e8
-#: Largest error of C T over the sizes of its terms; rounding leaves about 1e-15.
-CONSTRAINT_ERROR = 1e-9
+#: Largest error of C T over the sizes of its terms: that of a dependent row, and ten times more.
+CONSTRAINT_ERROR = 1e-5
 #: Most rows of a block of coupled rows, which is solved as a dense matrix: 0.3 GB if it is square.
 LARGEST_BLOCK = 6000
 #: Most dofs that one functional may couple: K gets a full block of them, of 0.3 GB.
@@ -312,7 +313,7 @@ def _check_satisfied(system: _System, T: Sparse) -> None:
     if error[worst] > CONSTRAINT_ERROR:
         raise AccuracyError(
             f"the constraints of {system.names(np.array([worst]))}, nearly dependent on others, "
-            f"have an error of {error[worst]:.1e} (limit {CONSTRAINT_ERROR:.0e})."
+            f"have an error of {error[worst]:.1e} (limit {CONSTRAINT_ERROR:.0e}): remove one of them."
         )
 
 
