@@ -144,7 +144,10 @@ def _inspection_of(
         shape=mesh.cell,
         n_cells=mesh.n_cells,
         held_groups=where,
-        held_plane=None if plane is None else [rounded_to(plane[0], size), plane[1].tolist()],
+        # within the tolerance of a plane, which is finer than that of the sites
+        held_plane=None
+        if plane is None
+        else [rounded_to(plane[0], 1e-2 * size), plane[1].tolist()],
         point=rounded_to(point, size),
         direction=rounded_to(direction),
         site_cell_size=cell,

@@ -39,6 +39,13 @@ def test_a_plate_is_held_at_an_end_and_not_at_its_underside():
     assert look.direction == [0.0, 0.0, -1.0]
 
 
+def test_a_part_beside_round_numbers_is_held(tmp_path):
+    path = tmp_path / "block.vtu"
+    meshio.write(path, meshio.Mesh(BOX + 0.12345645, [("hexahedron", [range(8)])]))
+    look = inspect_part(path, unit="m")
+    assert ao.Support(plane=look.held_plane).where(look.points.T).any()
+
+
 @pytest.mark.slow
 def test_a_new_scene_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
