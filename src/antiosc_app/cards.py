@@ -114,12 +114,12 @@ def verdict_card(margins: Sequence[Margin], dent: float | None, *, has_bar: bool
     answer = capitalised(worst.answer)
     if worst.answer == "cannot say":
         return Card(BREAKS_QUESTION, f"{answer}: {told}; {worst.remedy}.", UNKNOWN_TONE)
-    if worst.answer != ELASTIC:
-        return Card(BREAKS_QUESTION, f"{answer}: {told}.", BENDS_TONE)
-    if not has_bar:
+    if not has_bar and not worst.reached:
         return Card(
             BREAKS_QUESTION, f"Cannot say: the stress has no error bar, {told}.", UNKNOWN_TONE
         )
+    if worst.answer != ELASTIC:
+        return Card(BREAKS_QUESTION, f"{answer}: {told}.", BENDS_TONE)
     if dent is None:
         text = f"{answer} away from the contact, {told}; of a dent nothing is known."
         return Card(BREAKS_QUESTION, text, UNKNOWN_TONE)
@@ -209,7 +209,8 @@ def listed_cautions(first_caution: str, warnings: Iterable[str]) -> list[str]:
         for one in sorted_by_weight(list(warnings))
         if message_weight(one) < NOTE_WEIGHT
     ]
-    return [one for one in dict.fromkeys([first_caution, *told]) if one]
+    others = [one for one in dict.fromkeys(told) if one not in first_caution]
+    return [one for one in (first_caution, *others) if one]
 
 
 def _text_with_bar(hit: History, budget: ErrorBudget | None, name: str) -> str:

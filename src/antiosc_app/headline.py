@@ -16,6 +16,8 @@ from antiosc_app.scene_file.run import coarse_cell_sentence
 if TYPE_CHECKING:
     from antiosc import Margin, PeakField
 
+#: What brings error bars.
+NO_ESTIMATE_TEXT = 'extract with error = "estimate"'
 #: Relative error of a force from which it is told before the numbers.
 WIDE_BAR = 0.5
 #: Share of a bar below which its cause is not told.
@@ -91,10 +93,17 @@ def caution_of_impact(hit: History, budget: ErrorBudget | None) -> str:
 
     cautions.append(coarse_cell_sentence(hit))
     if budget is None:
-        cautions.append('there is no error bar: extract with error = "estimate"')
+        cautions.append(f"there is no error bar: {no_bar_reason(hit)}")
     elif budget["peak_force"].known >= WIDE_BAR:
         cautions.append(f"the force is a rough one, ± {percent(budget['peak_force'].known)}")
     return " ".join(_as_sentence(text) for text in cautions if text)
+
+
+def no_bar_reason(hit: History) -> str:
+    """Why an impact has no error budget, or what brings it."""
+    if coarse_cell_sentence(hit):
+        return "the cell at the site is too large"
+    return NO_ESTIMATE_TEXT
 
 
 def _as_sentence(text: str) -> str:

@@ -132,6 +132,8 @@ def _inspection_of(
         cell = usual_cell(float(np.ptp(x, axis=0).max()), behind)
         cell = None if cell >= read_options.get("size", inf) else cell
 
+    # rounded within the tolerance of a plane of nodes
+    held_plane = plane and [rounded_to(plane[0], 1e-2 * size), plane[1].tolist()]
     longest = longest_cell(x[nodes[:, : len(mesh.geometry.corners)]])
     # each node that is not held has three dofs or more
     dofs = 3 * int((~supported).sum()) if structure is None else structure.dofs
@@ -144,10 +146,7 @@ def _inspection_of(
         shape=mesh.cell,
         n_cells=mesh.n_cells,
         held_groups=where,
-        # within the tolerance of a plane, which is finer than that of the sites
-        held_plane=None
-        if plane is None
-        else [rounded_to(plane[0], 1e-2 * size), plane[1].tolist()],
+        held_plane=held_plane,
         point=rounded_to(point, size),
         direction=rounded_to(direction),
         site_cell_size=cell,

@@ -13,7 +13,13 @@ from antiosc.fields.pictures import MAP_QUANTITIES
 from antiosc.impact.histories.bars import DEFLECTION, QUANTITIES, ErrorBudget
 from antiosc.strikes.map_results import hardest
 from antiosc_app.cards import bar_of_fall, dent_depth
-from antiosc_app.headline import CAUSE_REMEDIES, force_bar, with_force_error
+from antiosc_app.headline import (
+    CAUSE_REMEDIES,
+    NO_ESTIMATE_TEXT,
+    force_bar,
+    no_bar_reason,
+    with_force_error,
+)
 from antiosc_app.probes import probes_of
 from antiosc_app.results import FALL_QUANTITIES
 from antiosc_app.scene_file.document import place_text
@@ -27,7 +33,6 @@ Quantity: TypeAlias = dict[str, Any]
 #: How far a bar reaches below and above a number.
 BarSides: TypeAlias = tuple[float, float]
 #: Why numbers have no bar.
-NO_ESTIMATE_TEXT = 'extract with error = "estimate"'
 SCENE_BAR_TEXT = "a scene of several contacts has no error bars"
 FALL_BAR_TEXT = "only the force of a fall has a bar, by its law, and its stress"
 MAP_BAR_TEXT = "a map has no error bars, an impact at this site alone has them"
@@ -84,14 +89,15 @@ def _history_quantities(results: SceneResults) -> Iterator[Quantity]:
             value = float(getattr(hit[contact.a, contact.b], name))
             yield quantity(name, value, unit, SCENE_BAR_TEXT, contact=[contact.a, contact.b])
     else:
+        reason = no_bar_reason(hit)
         values = {name: (float(getattr(hit, name)), unit) for name, unit in QUANTITIES.items()}
         if hit.site_motion is not None:
             values[DEFLECTION] = hit.site_motion.largest, "m"
         for name, (value, unit) in values.items():
-            yield _quantity_with_bar(budget, name, value, unit)
+            yield _quantity_with_bar(budget, name, value, unit, reason)
         if hit.restitution is not None:
             sides = None if budget is None else budget.restitution_sides
-            yield quantity("restitution", hit.restitution, "1", sides or NO_ESTIMATE_TEXT)
+            yield quantity("restitution", hit.restitution, "1", sides or reason)
         if dent := dent_depth(hit):
             yield quantity("dent", dent, "m", "it follows from the law of the contact")
 
@@ -104,10 +110,12 @@ def _history_quantities(results: SceneResults) -> Iterator[Quantity]:
         yield quantity(probe.name, peak["value"], peak["unit"], bar, time=peak["time"])
 
 
-def _quantity_with_bar(budget: ErrorBudget | None, name: str, value: float, unit: str) -> Quantity:
-    """The quantity `name` of an impact with its error bar by a budget."""
+def _quantity_with_bar(
+    budget: ErrorBudget | None, name: str, value: float, unit: str, reason: str = NO_ESTIMATE_TEXT
+) -> Quantity:
+    """The quantity `name` of an impact with its bar by a budget; `reason`: why it has none."""
     if budget is None or (name == DEFLECTION and budget.deflection is None):
-        return quantity(name, value, unit, NO_ESTIMATE_TEXT)
+        return quantity(name, value, unit, reason)
 
     shares = {cause: share for cause, share in budget.shares(name).items() if share is not None}
     causes = {c: (shares[c] * value, shares[c] * value) for c in budget.causes if c in shares}

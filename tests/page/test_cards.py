@@ -29,6 +29,8 @@ MARGIN = ao.results.Margin("yield", 1e8, 235e6, np.zeros(3), 0.0, force_error=0.
         ({}, 1e-6, True, DENT_TONE),
         ({}, None, True, UNKNOWN_TONE),  # whether the contact yields is not known
         ({}, 0.0, False, UNKNOWN_TONE),  # no bar, no verdict
+        ({"errors": (0.0, 6e8)}, 0.0, False, UNKNOWN_TONE),  # nor by the bar of the mesh alone
+        ({"value": 3e8}, 0.0, False, BENDS_TONE),
         ({"value": 2.2e8}, 0.0, True, BENDS_TONE),  # it may: 242 MPa
         ({"value": 3e8}, 0.0, True, BENDS_TONE),  # it does: 270 MPa at least
         ({"errors": (5e7, np.inf)}, 0.0, True, UNKNOWN_TONE),  # the cells are too coarse to say

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.impact import batch as batches
-from antiosc.impact import two_bodies
+from antiosc.impact import batch as batches, two_bodies
 from laws import LAWS
 from scenes import random_model
 

@@ -138,7 +138,8 @@ class Margin(ReprMixin):
     def stresses(self) -> tuple[float, float]:
         """Least and largest value within the errors of the mesh and of the force."""
         least, largest = self.errors or (self.value, self.value)
-        return max(least, 0.0) * (1 - self.force_error), largest * (1 + self.force_error)
+        force_share = max(1 - self.force_error, 0.0)
+        return max(least, 0.0) * force_share, largest * (1 + self.force_error)
 
     @property
     def bounds(self) -> tuple[float, float]:

@@ -313,7 +313,7 @@ def _check_satisfied(system: _System, T: Sparse) -> None:
     if error[worst] > CONSTRAINT_ERROR:
         raise AccuracyError(
             f"the constraints of {system.names(np.array([worst]))}, nearly dependent on others, "
-            f"have an error of {error[worst]:.1e} (limit {CONSTRAINT_ERROR:.0e}): remove one of them."
+            f"have an error of {error[worst]:.1e} (limit {CONSTRAINT_ERROR:.0e}): remove one."
         )
 
 
