@@ -305,11 +305,11 @@ def _with_steel_constants(
     constants: list[ReadOptions] = [{}, {"density": STEEL_CONSTANTS["rho"]}]
     constants.append({"density": STEEL_CONSTANTS["rho"], "modulus": STEEL_CONSTANTS["E"]})
     for stated, piece in product(constants, pieces_read):
-        further = {**piece, **stated}
+        options = {**read, **piece, **stated}
         messages.clear()
         try:
             with warnings_to(messages.append):
-                return reader(**read, **further), {**read, **further}, pieces
+                return reader(**options), options, pieces
         except InputError as error:
             reason = reason or error
             pieces = pieces or getattr(error, "pieces", ())

@@ -107,6 +107,15 @@ def test_a_deck_without_elasticity_is_of_steel_in_its_scene_and_this_is_told(tmp
 
 
 @pytest.mark.slow
+def test_a_deck_without_elasticity_that_is_refused_says_why(tmp_path):
+    path = deck(tmp_path / "a.inp", "mm")
+    text = re.sub(r"\*ELASTIC\n.*\n", "", path.read_text())
+    path.write_text(text.replace("7.85e-09", "8940."))
+    with pytest.raises(ao.InputError, match="density 8940"):
+        inspect_part(path)
+
+
+@pytest.mark.slow
 def test_a_closed_surface_is_filled_and_struck_from_outside(tmp_path):
     points = np.array([[x, y, z] for x in (0, 60) for y in (0, 40) for z in (0, 20)], dtype=float)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
