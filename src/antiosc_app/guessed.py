@@ -262,7 +262,7 @@ def supporting_side(
 
 
 def held_nodes(structure: Structure, x: Array, size: float) -> BoolArray:
-    """Mask (N,) of the nodes `x` (N, 3) whose dofs are all fixed; `size` [m] of the part."""
+    """Mask (N,) of the nodes `x` (N, 3) held in a direction or more; `size` [m] of the part."""
     from antiosc.recovery import source
 
     motion = 1.0 + (np.arange(structure.rows)[:, None] * GOLDEN_RATIO) % 1.0  # none cancels another
@@ -272,7 +272,8 @@ def held_nodes(structure: Structure, x: Array, size: float) -> BoolArray:
     except AntioscError:
         return np.zeros(len(x), dtype=bool)
 
-    fixed = ~(np.abs(displacements[:, :, 0]) > MOTION_ROUNDING).any(axis=1)
+    moves = np.abs(displacements[:, :, 0]) > MOTION_ROUNDING
+    fixed = ~moves[:, moves.any(axis=0)].all(axis=1)
     if not fixed.any():
         return np.zeros(len(x), dtype=bool)
     return np.asarray(cKDTree(nodes[fixed]).query(x)[0] < PLANE_TOLERANCE * size)

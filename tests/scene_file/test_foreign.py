@@ -116,6 +116,16 @@ def test_a_deck_without_elasticity_that_is_refused_says_why(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_node_that_is_held_in_one_direction_is_not_struck(tmp_path):
+    path = deck(tmp_path / "a.inp", "mm")
+    with path.open("a") as file:
+        file.write("".join(f"{n}, 2, 2\n" for n in range(9, 13)))
+    found = inspect_part(path)
+    assert np.unique(found.points[found.held][:, 0]) == pytest.approx([0.0, SIDES[0]])
+    assert found.point[0] < 0.8 * SIDES[0]
+
+
+@pytest.mark.slow
 def test_a_closed_surface_is_filled_and_struck_from_outside(tmp_path):
     points = np.array([[x, y, z] for x in (0, 60) for y in (0, 40) for z in (0, 20)], dtype=float)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]

@@ -95,6 +95,16 @@ def test_a_point_outside_says_how_far_and_where_to_strike():
     np.testing.assert_allclose(snapped, at(structure, (0.1, 0.02, 0.04), (0, 0, -1)), atol=1e-6)
 
 
+def test_a_patch_inside_a_solid_snaps_to_its_surface():
+    structure = ao.Structure(parts.box(), SOLID)
+    on, inside, down = (0.1, 0.02, 0.04), (0.1, 0.02, 0.0375), (0, 0, -1)
+    snapped = at(structure, inside, down, radius=1e-3, snap=True)
+    np.testing.assert_allclose(snapped, at(structure, on, down, radius=1e-3), atol=1e-12)
+    for snap in (False, 2e-3):
+        with pytest.raises(ao.InputError, match=r"0\.0025 m inside the part.*or snap"):
+            at(structure, inside, down, radius=1e-3, snap=snap)
+
+
 @pytest.mark.slow
 def test_a_snap_reaches_two_hundredths_of_the_part_or_one_element():
     fine = ao.Structure(parts.box((40, 4, 4)), SOLID, order=1)  # 0.2 m long, elements of 15 mm

@@ -514,6 +514,17 @@ class Faces(Entities):
             np.where(np.isfinite(label), label, 0).astype(int),
         )
 
+    def feet(self, points: Array, reach: float) -> Array:
+        """Nearest points (P, 3) of the surface, the same on all ranks; inf beyond `reach` [m]."""
+        comm, count = self.mesh.comm, len(points)
+        face, site = self._pairs_within_radii(points, np.full(count, reach))
+        x, _ = self.across(face, foot_coordinates(self, face, points[site]))
+        gap = np.linalg.norm(x - points[site], axis=1)
+        least = _least_over_ranks(comm, gap, site, count)
+        best = np.flatnonzero((gap <= least[site]) & (gap <= reach))
+        columns = (_least_over_ranks(comm, along, site[best], count) for along in x[best].T)
+        return np.column_stack([*columns])
+
     def _pairs_within_radii(self, points: Array, radii: Array) -> tuple[IntArray, IntArray]:
         """Pairs (face, point) that may be within the point's radius, by octaves of the radii."""
         octave = np.frexp(radii)[1]

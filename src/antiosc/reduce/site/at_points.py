@@ -20,14 +20,20 @@ from antiosc.fem.assembly.assembled import AssembledMatrices, group_of, point_on
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import dot, multiply, norm
-from antiosc.fem.mesh.surface import ClosestPoint, ClosestPoints, corners_at, struck_point
+from antiosc.fem.mesh.surface import (
+    ClosestPoint,
+    ClosestPoints,
+    closest,
+    corners_at,
+    struck_point,
+)
 from antiosc.fem.platform import warn
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.loads import PointMotion, loads
 from antiosc.fem.structure.meshed import Member, MeshedStructure, PartsMatrices
 from antiosc.fem.structure.place import Place, places_at
 from antiosc.fem.structure.support import Support, fixed_dofs
-from antiosc.recovery.place import Reach
+from antiosc.recovery.place import SNAP_SHARE, Reach
 from antiosc.reduce.site.site import (
     LEAST_FREE_SHARE,
     Functional,
@@ -123,9 +129,24 @@ def places_of(
     for part, aimed in by_part.items():
         numbers, points, directions = zip(*aimed, strict=True)
         places = places_at(matrices.members(part), np.array(points), np.array(directions))
-        found.update((k, (place, ends[k])) for k, place in zip(numbers, places, strict=True))
+        for k, place in zip(numbers, places, strict=True):
+            found[k] = _on_surface(sites[k], place), ends[k]
 
     return [found[k] for k in range(len(sites))]
+
+
+def _on_surface(site: Site, place: Place) -> Place:
+    """The place of a site, of a patch in a solid with snap the nearest one on the surface."""
+    part = place.member.part
+    if not site.snap or site.radius is None or not part.kind.outside:
+        return place
+
+    extent = part.mesh.extent()
+    reach = SNAP_SHARE * extent if site.snap is True else site.snap
+    foot = part.faces.feet(place.point[None], reach)[0]
+    depth = float(np.linalg.norm(foot - place.point))
+    is_inside = STRUCTURE_TOLERANCE * extent < depth <= reach
+    return replace(place, nearest=closest(part.mesh, foot)) if is_inside else place
 
 
 def _functional_without_mesh(
@@ -278,7 +299,7 @@ def _check_sites(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
         if sites_found.depth[i] > radius:
             raise InputError(
                 f"the site at {text(points[i])} lies about {sites_found.depth[i]:.2g} m inside the "
-                f"part, deeper than its radius {radius:g} m: give a point on a surface."
+                f"part, deeper than its radius {radius:g} m: give a point on a surface, or snap."
             )
         if sites_found.share[i] <= 0:
             least, facets = (engineering(x, "m") for x in (radius, sites_found.size[i]))

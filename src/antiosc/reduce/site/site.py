@@ -61,7 +61,8 @@ class Site(FieldsRepr):
         a solid without the half-space compliance of the patch.
     snap : bool or float
         Move a point that is off the structure to the nearest point of the structure: True by at
-        most 2 % of the part's size or one element, a number by at most this length in m.
+        most 2 % of the part's size or one element, a number by at most this length in m. A patch
+        in a solid moves to its surface.
     dof : int or str
         For matrices, instead of point and direction: the number of the dof at the site. With
         `node`: "x", "y", "z", "rx", "ry", "rz" or the number of the dof at the node.
