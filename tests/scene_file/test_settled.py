@@ -111,6 +111,20 @@ def test_the_force_has_as_many_anti_oscillators_as_it_needs(stiffness, n):
     assert hit.peak_force == pytest.approx(whole.peak_force, rel=0.1)
 
 
+def test_a_part_that_has_no_more_anti_oscillators_is_run_as_it_is():
+    ball = ao.RigidMass(0.02, 1.0)
+    asked = []
+
+    def run(choice):
+        asked.append(choice.oscillator_count)
+        assert len(asked) < 9
+        model = PLATE.truncated(min(choice.oscillator_count, 70))
+        return None, ao.simulate(model, ball, ao.Hertz(1e10), choice.duration, tol=1e-4)
+
+    repeat_until_enough(run, AutoValues(), add_oscillators=True, extend_duration=False)
+    assert asked == [20, 60, 150]
+
+
 @pytest.mark.slow
 def test_a_scene_with_auto_has_the_number_that_its_force_needs(tmp_path):
     document = read_document(scene(tmp_path, "5e-3", "4e-4"))

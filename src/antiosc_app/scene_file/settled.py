@@ -97,7 +97,7 @@ def repeat_until_enough(
             return result, choice
 
         more = next_count(hit) if add_oscillators else None
-        if more is not None:
+        if more is not None and more > choice.oscillator_count:  # else the part has no more
             choice = choice._replace(oscillator_count=more, expansion=expansion_of(hit))
         elif extend_duration and choice.duration < longest and not parted(hit):
             choice = choice._replace(duration=2 * choice.duration)
