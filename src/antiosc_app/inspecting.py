@@ -157,7 +157,7 @@ def _inspection_of(
         cell_measure=compat.integrate(1 * measure(mesh, None), mesh.dolfinx),
         structure=structure,
         flat_contact=_flat_face_material(mesh, outer, structure, (point, direction)),
-        has_error_bars=structure is None or _has_error_bars(structure),
+        has_error_bars=mesh.n_cells > 1 if structure is None else _has_error_bars(structure),
         is_meshed=is_meshed,
         longest_cell=longest,
         radius=rounded_up(longest) if mesh.gdim == 2 and mesh.tdim == 2 else None,
