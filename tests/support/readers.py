@@ -19,8 +19,8 @@ import types
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("antiosc.io.mesh_files", "antiosc_decks.readers", "meshio", "gmsh")
-#: Endings of surfaces of triangles, for which their parent loads one package more.
+PACKAGES = ("antiosc.io.mesh_files", "antiosc_decks.readers", "meshio", "gmsh", "scipy.sparse.csgraph")
+#: Endings of surfaces of triangles, for which their parent loads more packages.
 SURFACES = (".stl", ".obj", ".ply", ".off")
 _lock = threading.Lock()
 _parent: subprocess.Popen[bytes] | None = None
@@ -66,7 +66,7 @@ def serve(child: types.ModuleType) -> None:
     for line in sys.stdin:
         folder, environment = json.loads(line)
         if any(ending in Path(folder, "request").read_text() for ending in SURFACES):
-            load("trimesh")
+            load("scipy.spatial", "trimesh")
         with open(f"{folder}/response", "wb") as response:
             pid = os.fork()
             if pid == 0:
