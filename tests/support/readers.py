@@ -19,7 +19,7 @@ import types
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("antiosc.io.mesh_files", "antiosc_decks.readers", "meshio", "gmsh", "scipy.sparse.csgraph")
+PACKAGES = ("antiosc.io.mesh_files", "antiosc_decks.readers", "meshio", "gmsh", "scipy.sparse")
 #: Endings of surfaces of triangles, for which their parent loads more packages.
 SURFACES = (".stl", ".obj", ".ply", ".off")
 _lock = threading.Lock()
