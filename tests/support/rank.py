@@ -33,7 +33,6 @@ def run(script: str, output: str, folder: str, arguments: list[str]) -> None:
             runpy.run_path(script, run_name="__main__")
         finally:
             sys.argv, sys.path[:] = before, path
-    gc.collect()  # by all ranks at the same place: what they share ends together
 
 
 def at_once(path: str, flags: int) -> int:
@@ -60,6 +59,7 @@ def main(pipes: str) -> None:
             signal.alarm(patience)  # ends a rank that hangs where the test's process was killed
             try:
                 run(script, f"{script}.{rank}", folder, arguments)
+                gc.collect()  # by all ranks at the same place: what they share ends together
             except BaseException:
                 traceback.print_exc()
                 MPI.COMM_WORLD.Abort(1)  # at once: at the exit PETSc would wait for the others
