@@ -130,7 +130,8 @@ from petsc4py import PETSc
 
 def shared(n, entries):
     comm = PETSc.COMM_WORLD
-    A = PETSc.Mat().createAIJ(((PETSc.DECIDE, n), (PETSc.DECIDE, n)), nnz=3, comm=comm)
+    own = n - n // 4 if comm.rank else n // 4  # of few masses the first rank has none
+    A = PETSc.Mat().createAIJ(((own, n), (own, n)), nnz=3, comm=comm)
     for i in range(*A.getOwnershipRange()):
         for j in range(max(i - 1, 0), min(i + 2, n)):
             A[i, j] = entries(i, j, n)
@@ -149,9 +150,9 @@ print(json.dumps(found))
 """
 
 
-def test_a_free_chain_of_fewer_masses_than_ranks():
+def test_a_free_chain_of_which_one_rank_has_no_mass():
     """Its antiresonances are 2 √(k/m) sin((2j - 1)π/(4n - 2)), those of the chain pinned there."""
-    printed = run_ranks(3, START + GIVEN)
+    printed = run_ranks(2, START + GIVEN)
     assert len(set(printed)) == 1
     for n, (k0, m_st, *omega) in json.loads(printed[0]).items():
         j = np.arange(1, int(n))
@@ -189,7 +190,7 @@ cases = {
 found = {}
 for name, (mesh, material, supports, site) in cases.items():
     structure = ao.Structure(mesh, material, supports)
-    model = ao.extract(structure, site, n=8, method="modes")
+    model = ao.extract(structure, site, n=4, method="modes")
     own = compat.cell_index_map(mesh.dolfinx).size_local
     found[name] = {
         "spread": bool(mesh.comm.allreduce(int(own > 0)) == mesh.comm.size),
@@ -310,7 +311,7 @@ cases = {
 found = {}
 for name, (mesh, material, supports, sites) in cases.items():
     structure = ao.Structure(mesh, material, supports)
-    models = ao.extract(structure, sites, n=20)
+    models = ao.extract(structure, sites, n=10)
     top = 1.2 * models[0].omega[0]
     models += ao.extract(structure, sites, band=top / (2 * np.pi), accuracy=2e-6)
     at = np.linspace(0.05 * top, top, 40) * (1 + 0.01j)

@@ -26,6 +26,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import rank
 from paths import SUPPORT
 
 ENVIRONMENT = {
@@ -36,6 +37,9 @@ ENVIRONMENT = {
     "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
     # A rank that waits leaves its core to those that work: there are more ranks than cores.
     "OMPI_MCA_mpi_yield_when_idle": "1",
+    # A rank bound to a core would wait there for a test that runs on it, beside a free core.
+    "OMPI_MCA_hwloc_base_binding_policy": "none",
+    "PRTE_MCA_hwloc_default_binding_policy": "none",
     # Containers often forbid one process to read another's memory.
     "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
     "UCX_LOG_LEVEL": "fatal",
@@ -62,8 +66,14 @@ def run_ranks(n: int, script: str, *arguments: str, timeout: float = 300) -> lis
     It can import the modules of this folder, and must leave these and all others as they were:
     later scripts find them. Raises AssertionError with the output of all ranks when one of them
     ends with an error (the others are then ended too) or when they are not done after `timeout`
-    seconds.
+    seconds. One rank is this process, whose errors are raised as they are.
     """
+    if n == 1:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, "script.py")
+            path.write_text(textwrap.dedent(script))
+            rank.run(str(path), f"{path}.0", os.getcwd(), [*arguments])
+            return [_text(Path(f"{path}.0"))]
     ranks = _ranks.pop(n, None)
     if ranks and (ranks.environment != _environment() or ranks.process.poll() is not None):
         ranks.end()
@@ -121,10 +131,10 @@ class Ranks:
         for ask in self.asks:
             os.write(ask, line.encode())
         wrong = self._wait(timeout)
-        printed = [_text(Path(f"{path}.{rank}")) for rank in range(len(self.asks))]
+        printed = [_text(Path(f"{path}.{k}")) for k in range(len(self.asks))]
         if not wrong:
             return printed
-        shown = "".join(f"\n--- rank {rank}\n{text}" for rank, text in enumerate(printed))
+        shown = "".join(f"\n--- rank {k}\n{text}" for k, text in enumerate(printed))
         errors = _text(self.folder / "errors")
         raise AssertionError(f"{len(printed)} ranks {wrong}{shown}\n--- mpirun\n{errors}")
 

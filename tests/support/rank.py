@@ -14,6 +14,8 @@ import traceback
 import warnings
 
 import pictures
+import readers
+from antiosc.io import isolation
 from antiosc.plot import charts
 
 
@@ -26,9 +28,11 @@ def run(script: str, output: str, folder: str, arguments: list[str]) -> None:
         contextlib.redirect_stdout(printed),
         warnings.catch_warnings(),
     ):
-        runpy.run_path(script, run_name="__main__")
-    sys.argv, sys.path[:] = before, path
-    gc.collect()  # by all ranks at the same place: what they share ends together
+        warnings.simplefilter("default")  # as in a process of its own: pytest makes them errors
+        try:
+            runpy.run_path(script, run_name="__main__")
+        finally:
+            sys.argv, sys.path[:] = before, path
 
 
 def at_once(path: str, flags: int) -> int:
@@ -45,6 +49,7 @@ def main(pipes: str) -> None:
     with contextlib.suppress(ImportError):
         importlib.import_module("antiosc.fem")
     charts.render = pictures.rough
+    isolation._run_reader = readers.ask
     with (
         open(f"{pipes}/ask.{rank}", opener=at_once) as asked,
         open(f"{pipes}/done", "wb", 0, opener=at_once) as done,
@@ -54,6 +59,7 @@ def main(pipes: str) -> None:
             signal.alarm(patience)  # ends a rank that hangs where the test's process was killed
             try:
                 run(script, f"{script}.{rank}", folder, arguments)
+                gc.collect()  # by all ranks at the same place: what they share ends together
             except BaseException:
                 traceback.print_exc()
                 MPI.COMM_WORLD.Abort(1)  # at once: at the exit PETSc would wait for the others

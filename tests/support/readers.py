@@ -19,7 +19,9 @@ import types
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("antiosc.io.mesh_files", "antiosc_decks.readers", "meshio", "gmsh")
+PACKAGES = ("antiosc.io.mesh_files", "antiosc_decks.readers", "meshio", "gmsh", "scipy.sparse")
+#: Endings of surfaces of triangles, for which their parent loads more packages.
+SURFACES = (".stl", ".obj", ".ply", ".off")
 _lock = threading.Lock()
 _parent: subprocess.Popen[bytes] | None = None
 
@@ -63,6 +65,8 @@ def serve(child: types.ModuleType) -> None:
     """Fork a reading process for each request, and say how it ended."""
     for line in sys.stdin:
         folder, environment = json.loads(line)
+        if any(ending in Path(folder, "request").read_text() for ending in SURFACES):
+            load("scipy.spatial", "trimesh")
         with open(f"{folder}/response", "wb") as response:
             pid = os.fork()
             if pid == 0:
@@ -74,6 +78,13 @@ def serve(child: types.ModuleType) -> None:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(pid, signal.SIGKILL)  # what the reader has started
         print(os.waitstatus_to_exitcode(status), flush=True)
+
+
+def load(*packages: str) -> None:
+    """Import those of the packages that are installed."""
+    for name in packages:
+        with contextlib.suppress(ImportError):
+            importlib.import_module(name)
 
 
 def read(child: types.ModuleType, request: str, response: int, environment: dict[str, str]) -> None:
@@ -92,7 +103,5 @@ if __name__ == "__main__":
     sys.path[:] = sys.argv[1:]
     from antiosc.io import child
 
-    for name in PACKAGES:
-        with contextlib.suppress(ImportError):
-            importlib.import_module(name)
+    load(*PACKAGES)
     serve(child)

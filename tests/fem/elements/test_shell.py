@@ -276,7 +276,7 @@ def test_a_fold_carries_bending_across():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("n", "radius"), [(10, 0.1), (16, 0.05)])
+@pytest.mark.parametrize(("n", "radius"), [(10, 0.1), (12, 0.05)])
 def test_patch_compliance_is_mindlins(n, radius):
     """Independent of the mesh, and the double series' value."""
     exact = SupportedPlate(E, NU, RHO, 0.1, 1.0, 1.0).mindlin_compliance(0.45, 0.4, radius, 400)

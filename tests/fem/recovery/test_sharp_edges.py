@@ -108,11 +108,11 @@ def test_volume_and_surface_of_a_box(kind):
 
 
 def test_cells_of_thin_walls_are_no_longer_than_twice_their_thickness(tmp_path):
-    """A plate of 100 × 60 × 1 mm: 5 mm along its side, 2 mm by its wall."""
+    """A plate of 60 × 30 × 1 mm: 3 mm along its side, 2 mm by its wall."""
     path = tmp_path / "plate.brep"
     gmsh = pytest.importorskip("gmsh")
     gmsh.initialize()
-    gmsh.model.occ.addBox(0, 0, 0, 0.1, 0.06, 1e-3)
+    gmsh.model.occ.addBox(0, 0, 0, 0.06, 0.03, 1e-3)
     gmsh.model.occ.synchronize()
     gmsh.write(str(path))
     gmsh.finalize()
