@@ -63,6 +63,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def pytest_collection_finish() -> None:
+    gc.freeze()  # thousands of tests, through which each search for garbage would go
     gc.enable()
     isolation._run_reader = readers.ask
     charts.render = pictures.rough
