@@ -1,1 +1,1 @@
-"""Errors of the mesh: energies of the errors of strains, for a whole model and cell by cell."""
+"""Discretisation errors: strain energies of the errors, of a whole model and cell by cell."""
