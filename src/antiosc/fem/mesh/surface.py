@@ -474,7 +474,7 @@ class Faces(Entities):
     def contact(
         self, points: Array, directions: Array, radii: Array, labels: IntArray
     ) -> SurfaceAtSites:
-        """Surface properties at sites (P, 3); at an edge, of the face most opposed to the impact."""
+        """Surface properties at sites (P, 3); at an edge, of the face most against the impact."""
         comm = self.mesh.comm
         count = len(points)
         mean = self.sizes
