@@ -222,7 +222,7 @@ class LinearBody(Protocol):
     """
 
     def modal(self) -> ModalBody:
-        """The body in free modes, seen from its contact point."""
+        """The body in free modes, with their displacements at its contact point."""
         ...
 
 
@@ -249,7 +249,7 @@ class Body:
         return Surface.of(table) if table and UNKNOWN_SURFACE not in table else None
 
     def modal(self) -> ModalBody:
-        """The body in free modes, seen from its contact point."""
+        """The body in free modes, with their displacements at its contact point."""
         raise NotImplementedError
 
 
