@@ -1,5 +1,4 @@
-"""`contact_between`: the contact law of a part and another body with a known surface.
-"""
+"""`contact_between`: the contact law of a part and another body with a known surface."""
 
 from __future__ import annotations
 
