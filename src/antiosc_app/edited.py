@@ -309,7 +309,7 @@ class EditedScene:
 
 
 def _initial_sections(path: Path, inspected: Inspection, drop: bool) -> Table:
-    """Sections of the scene that `antiosc new` writes; `drop`: of a fall."""
+    """Sections of the scene that `antiosc new` writes; `drop`: for a fall."""
     text = new.scene_text(path.with_suffix(".toml").name, path.name, inspected, drop)
     sections = tomllib.loads(text)
     if drop and inspected.is_deck:

@@ -274,7 +274,7 @@ class OpenPart:
         return answer
 
     def _settled_scene(self, document: Document) -> SettledScene:
-        """The scene of a document with numbers in place of "auto"."""
+        """The scene of a document with numbers instead of "auto"."""
         begun = begin_settling(document, self._kept)
         first = run.make_results(begun.scene, ("structure",), begun.evaluation)
         begun.scene.warnings[:] = first.warnings

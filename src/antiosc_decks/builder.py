@@ -185,7 +185,7 @@ class ModelBuilder:
         return arguments | {"thickness": thickness * self.units.length}
 
     def add_section(self, name: str, elements: IntArray, section: GroupSection) -> None:
-        """Set the section of elements, the group `name`, in place of an earlier one."""
+        """Set the section of elements, the group `name`; it replaces an earlier section."""
         self.of_element[elements] = len(self.families)
         self.families.append(section)
         self.names.append(name)

@@ -121,7 +121,7 @@ class DeckConstraints:
     def elongation_terms(
         self, a: int, b: int, place: DeckPlace, first: int = 0
     ) -> tuple[list[MotionTerm], float]:
-        """(terms of the elongation, or if `first` is 3 of the twist, of a line; its length)."""
+        """(terms of a line's elongation, or of its twist if `first` is 3; its length)."""
         line = self.place(b) - self.place(a)
         length = float(np.linalg.norm(line))
         place.require(length != 0, "the ends of an element coincide, so that it has no direction.")

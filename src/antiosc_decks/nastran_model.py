@@ -249,7 +249,7 @@ class NastranJoints:
         return values["K"], values["B"]
 
     def _bush_axes(self, entry: Entry, acts: list[bool], x: Array, place: Array) -> Array:
-        """Axes (3, 3), as rows: of the system CID, of the line between the nodes, or the deck's.
+        """Axes (3, 3), as rows: the system CID, axes of the line between the nodes, or the deck's.
 
         `acts` (6,): motions with a spring; `x`: the ends (1 or 2, 3); `place` (3,): of the springs.
         """

@@ -49,7 +49,7 @@ class AccuracyError(AntioscError, ArithmeticError):
 
 
 class RangeError(AccuracyError):
-    """A force exceeds the range of its law; `radius` [m]: of a sufficient patch, or None."""
+    """A force exceeds the range of its law; `radius`: radius [m] of a sufficient patch, or None."""
 
     radius: float | None = None
 

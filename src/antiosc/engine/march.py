@@ -319,7 +319,7 @@ def stop_text(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
 
 
 def difference(coarse: Run, fine: Run, tol: float) -> tuple[float, float, float]:
-    """Differences between the forces of two runs: (force, peak, time), of the contact with the
+    """(force, peak, time): differences between the forces of two runs, for the contact with the
     largest difference.
 
     `force`: the larger relative difference of L2 norm and impulse; `peak`: relative difference of

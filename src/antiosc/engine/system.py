@@ -123,7 +123,7 @@ class System:
 
     @property
     def closed(self) -> NDArray[np.bool_]:
-        """Which contacts (p,) are closed at the start."""
+        """Mask (p,) of the contacts that are closed at the start."""
         if self.contact_states is None:
             return self.start_forces > 0
         return (self.start_forces > 0) | [
@@ -137,7 +137,7 @@ class System:
 
     @property
     def undamped(self) -> NDArray[np.bool_]:
-        """Which modes (J,) have no damping."""
+        """Mask (J,) of the modes without damping."""
         if self.first is None:
             return self.decay == 0
         return self.first.undamped

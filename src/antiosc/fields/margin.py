@@ -79,7 +79,7 @@ class Margin(ReprMixin):
     scope : where the value is judged: "outside 3 radii of the contact (4.2 mm)"; "": anywhere.
     note : sentences on places that are not judged, and on the reason for a missing error bar.
     cells : place [m] and size [m] of cells that would give an error bar; None if there is one.
-    layer : of a laminate: "layer 2 (top)", counted from the bottom.
+    layer : layer of a laminate, counted from the bottom: "layer 2 (top)".
     contact : whether the contact itself yields, which the values do not include.
     impact : number (from 1) of the impact of a fall in which it occurs; 0 if the run is no fall.
     """

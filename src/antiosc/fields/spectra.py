@@ -161,7 +161,7 @@ def _default_frequencies(t: Array, resolved: float) -> Array:
 
 
 def _checked_signal(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
-    """(times, values) as arrays of equal length; of equal times (jumps) one is kept."""
+    """(times, values) as arrays of equal length; one of several equal times (jumps) is kept."""
     time = checks.column("t", t)
     value = checks.column("the signal", x, time.size)
     if np.any(np.diff(time) < 0):

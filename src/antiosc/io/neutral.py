@@ -173,7 +173,7 @@ class Piece(NamedTuple):
 
 @dataclass
 class FileMesh:
-    """Nodes, cells of all kinds and groups of a file, of which `selected_mesh` selects a mesh."""
+    """Nodes, cells of all kinds and groups of a file; `selected_mesh` selects a mesh of them."""
 
     points: NDArray[np.float64]  # (n, 3) node coordinates, m
     cells: dict[str, IntArray]  # kind (a name of KINDS) -> (cells, nodes of one), vertices first

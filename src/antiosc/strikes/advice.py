@@ -1,4 +1,4 @@
-"""Which element family is enough for a part and an impact, and how fine its mesh must be.
+"""The element family that is sufficient for a part and an impact, and its element size.
 
 Everything is estimated from the dimensions, without a mesh. The contact time on the part cannot be
 shorter than on a half-space of its material; above twice the inverse of this time the spectrum of

@@ -278,7 +278,7 @@ def hardest(
 
 
 def spread_sites(impact_map: ImpactMap, most: int) -> IntArray:
-    """At most `most` reliable sites: the one of largest force, then always the farthest site."""
+    """At most `most` reliable sites: of largest force, then the farthest from those chosen."""
     sites = trusted(impact_map)
     if len(sites) <= most:
         return sites

@@ -206,7 +206,7 @@ def run_episode(
 ) -> Episode:
     """The episode that begins at `start`, with the contacts that continue from the previous one.
 
-    ongoing : index of a point -> its contact; previous_duration : of that episode [s].
+    ongoing : contacts by index of the point; previous_duration : previous episode's duration [s].
     """
     touch = Touch.of(body, start)
     heights = start.heights(body)

@@ -292,7 +292,7 @@ def _worst_wedging(system: System) -> tuple[float, float]:
 
 def _jam_error(friction: float, wedging: float) -> AccuracyError:
     """The error of a scene that friction jams or, without friction, whose contacts no forces
-    satisfy; `wedging` as of `_worst_wedging`.
+    satisfy; `wedging` from `_worst_wedging`.
     """
     if friction == 0:
         return AccuracyError(

@@ -147,7 +147,7 @@ class FoundImpact(Result):
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """The measured and the computed signals, the force, and the scan of the places.
 
-        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
+        With `path` (PNG, PDF, SVG, …) the picture is written and the path is returned.
         """
         count = self.measured.shape[1]
         figure, axes = panels(1, 2, (9.5, 1.2 + 1.1 * max(count, 3)), shown=path is None)

@@ -101,7 +101,7 @@ class DesignMap(CompletedResult):
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """`per_mass` drawn on the part; all ranks call it.
 
-        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned. Blue: more
+        With `path` (PNG, PDF, SVG, …) the picture is written and the path is returned. Blue: more
         material lowers the goal; red: it raises it.
         """
         from antiosc.plot.surfaces import draw_design

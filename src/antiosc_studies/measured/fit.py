@@ -267,7 +267,7 @@ def _step_limits(modes: FittedModes, top: float) -> tuple[Array, Array]:
 
 
 def _parameter_scales(modes: FittedModes) -> Array:
-    """The scale of each parameter: the norm of its mode's displacements, of a, or of l."""
+    """The scale of each parameter: the norm of its mode's displacements, of `a`, or of `l`."""
     of_modes = np.linalg.norm(modes.b, axis=1)
     sizes = [np.repeat(of_modes, modes.b.shape[1])]
     roots = zip((modes.rigid, modes.residual_root), modes.value_sizes[3:], strict=True)

@@ -50,7 +50,7 @@ class Matter:
 
     @property
     def rubbery(self) -> bool:
-        """Whether its elastic constants are those of rubber, which does not yield."""
+        """Whether the elastic constants are typical of rubber, which does not yield."""
         return self.E <= RUBBER_E and self.nu >= RUBBER_NU and self.yield_strength is None
 
     def strengths_at(self, strain_rate: float) -> tuple[float, float]:

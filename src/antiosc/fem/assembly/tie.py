@@ -309,8 +309,8 @@ class _Projection:
         return _dense_product(inverse, right.tocsr())
 
     def of(self, free: BoolArray, motion: Sparse) -> Sparse:
-        """Vectors `motion` (3 · points, n) projected onto all nodes; of these the free ones
-        (3 · free nodes, n)."""
+        """Rows at free nodes (3 · free nodes, n) of the projection of vectors `motion`
+        (3 · points, n) onto all nodes."""
         inverse = np.linalg.inv(self.D.toarray())[free]
         parts = [_dense_product(inverse, (self.load @ motion[c::3]).tocsr()) for c in range(3)]
         order = np.arange(3 * int(free.sum())).reshape(3, -1).T.ravel()

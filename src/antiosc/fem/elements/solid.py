@@ -96,7 +96,7 @@ class Solid(Isotropic):
         return cosine**2 * normal + (1 - cosine**2) * tangential
 
     def dimensions(self, box: Box, materials: Sequence[Solid]) -> Box:
-        """The sides of the box; of a plane part the width, across which it bends, is last."""
+        """The sides of the box; the last is the width, across which it bends, for a plane part."""
         if self.plane is None:
             return box
         length, width, _ = box

@@ -1,4 +1,4 @@
-"""Operations on matrices and vectors for extraction, by two back-ends: PETSc, and SciPy alone.
+"""Operations on matrices and vectors for extraction, by two back-ends: PETSc, and SciPy only.
 
 Vectors are NumPy arrays of the rows this rank owns, blocks of vectors are (rows, columns); inner
 products sum over the ranks. Matrices are PETSc matrices, distributed over the ranks by rows, or

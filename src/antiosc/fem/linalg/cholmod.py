@@ -11,8 +11,8 @@ takes 5 to 7 times less.
 
 Chen, Davis, Hager and Rajamanickam, *Algorithm 887: CHOLMOD*, ACM TOMS 35 (2008).
 
-The structures are those of `cholmod.h`; they are the same from CHOLMOD 3.0 (SuiteSparse 5) to 5.3
-(SuiteSparse 7.10) as far as they are declared here. `refusal` tries them on a small matrix.
+The C structures of `cholmod.h` are declared here as far as they are the same from CHOLMOD 3.0
+(SuiteSparse 5) to 5.3 (SuiteSparse 7.10). `refusal` tries them on a small matrix.
 """
 
 from __future__ import annotations

@@ -298,7 +298,7 @@ def largest_entities(mesh: Mesh, group: str) -> tuple[int, IntArray]:
 
 
 def owned_entities(mesh: Mesh, dim: int, entities: IntArray) -> IntArray:
-    """Those of `entities` that this rank owns."""
+    """The entities in `entities` that this rank owns."""
     mesh.dolfinx.topology.create_entities(dim)
     return entities[entities < mesh.dolfinx.topology.index_map(dim).size_local]
 

@@ -134,7 +134,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def numerical(self) -> float:
-        """Largest sum, of the three quantities, of all causes except the contact law."""
+        """Sum of all causes except the contact law, the largest of the three quantities."""
         return max(bar.numerical for bar in self.values())
 
     @property

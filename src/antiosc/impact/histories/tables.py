@@ -34,7 +34,7 @@ class SavableResults(ReprMixin):
         raise NotImplementedError
 
     def numbers(self) -> dict[str, object]:
-        """Its single results: name -> JSON value."""
+        """Single results of the history as JSON values, by name."""
         raise NotImplementedError
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
@@ -135,7 +135,7 @@ class SavedHistory(SavableResults):
         return dict(self.table)
 
     def numbers(self) -> dict[str, object]:
-        """Its single results: name -> JSON value."""
+        """Single results of the history as JSON values, by name."""
         return dict(self.results)
 
     def __getattr__(self, name: str) -> object:

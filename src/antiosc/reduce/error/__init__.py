@@ -1,1 +1,1 @@
-"""Discretisation errors: strain energies of the errors, of a whole model and cell by cell."""
+"""Discretisation errors as strain energies, for a whole model and for each cell."""
