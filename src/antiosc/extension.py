@@ -1,8 +1,8 @@
-"""What other packages use of antiosc besides its public names: readers, studies, reports.
+"""Names that other packages use besides the public names: readers, studies, reports.
 
-`MODULES` are open as a whole, by their paths: the rooms that need NumPy and SciPy alone, below the
-impacts, and a few others, of the packages beside it too. Of the modules in `NAMES` these names are.
-Both may change from version to version; the public names of `antiosc` stay.
+Packages may use all names of the `MODULES`, by their paths: rooms that need only NumPy and SciPy,
+below the impacts, and a few others. Of the modules in `NAMES` they may use the listed names. Both
+lists may change from version to version; the public names of `antiosc` do not.
 """
 
 #: Path -> what it is for.

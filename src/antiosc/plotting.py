@@ -1,10 +1,10 @@
 """Charts and pictures of histories, models, maps and fields, for use by name.
 
-matplotlib is imported when one is drawn.
+matplotlib is imported when a picture is drawn.
 
-Functions that take `ax` draw one chart into matplotlib axes (new ones where `ax` is None) and
-return them. `plot_history`, `plot_model`, `plot_map` and `plot_deformed` draw a whole picture: with
-`path` they write it and return the path, without it they return the figure. `History.plot`,
+Functions with the argument `ax` draw one chart into matplotlib axes (new axes if `ax` is None) and
+return the axes. `plot_history`, `plot_model`, `plot_map` and `plot_deformed` draw a whole picture:
+with `path` they write it and return the path, without it they return the figure. `History.plot`,
 `AntiOscillators.plot` and `ImpactMap.plot` call them.
 """
 

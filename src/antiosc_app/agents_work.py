@@ -55,7 +55,7 @@ CONSTANT_UNITS = {"E": "Pa", "nu": "1", "rho": "kg/m³", "yield_strength": "Pa"}
 
 
 class Refusal(InputError):
-    """A call that is refused, with the key to give and its choices; `told`: the answer to it."""
+    """A refused call, with the key to give and its choices; `told`: the answer to the call."""
 
     def __init__(self, kind: str, sentence: str, key: str = "", choices: Iterable[Any] = ()):
         super().__init__(sentence)
@@ -92,7 +92,7 @@ def leaf_values(data: object, place: Place = ()) -> Iterator[tuple[Place, object
 
 
 def hashes_of(base: Path, data: Table, root: Path) -> Table:
-    """Path -> SHA-256 of each file that a text in `data` names, from the folder `base`.
+    """SHA-256, by path, of each file named by a text in `data`, relative to the folder `base`.
 
     Raises Refusal for a file outside of `root`, and for null, NaN or infinity.
     """
@@ -249,7 +249,7 @@ def explain(answers: dict[str, Table], result: str, quantity: str) -> tuple[Tabl
 
 
 def assumptions(document: Document, scene: Any) -> list[Table]:
-    """Each key that `document` leaves open, with the value taken and where it comes from."""
+    """Each key that `document` leaves open, with the value used and its origin."""
     given = dict(leaf_values(document.data))
     chosen = {
         place_text(place): {"value": value, "by": "the rule of auto"}

@@ -1,6 +1,6 @@
-"""The four answers of an impact: does the part break, how hard, how far, and where is it stressed.
+"""The four answers on an impact: does the part break, how hard, how far, and where is it stressed.
 
-They stand first on the terminal, on the page and in the report, in the same words.
+They are the first output on the terminal, on the page and in the report, in the same words.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ MAX_ROWS, MAX_CAUTIONS = 8, 3
 def cards_of_history(
     hit: History, budget: ErrorBudget | None, fields: Mapping[str, PeakField] | None
 ) -> list[Card]:
-    """The four answers of an impact of two bodies; without `fields` (quantity -> stress field)
-    those on stress are "…".
+    """The four answers on an impact of two bodies; without `fields` (quantity -> stress field) the
+    answers on stress are "…".
     """
     force = force_bar(budget)
     hard = Card(FORCE_QUESTION, _text_with_bar(hit, budget, "peak_force"))
@@ -68,7 +68,7 @@ def cards_of_history(
 
 
 def cards_of_fall(fall: Fall, worst: WorstField | None) -> list[Card]:
-    """The four answers of a fall, with the largest shock in place of the deflection."""
+    """The four answers on a fall, with the largest shock instead of the deflection."""
     hardest = fall.hardest
     if hardest is None:
         return [Card(BREAKS_QUESTION, f"{capitalised(fall.message)}.", SAFE_TONE)]
@@ -130,7 +130,7 @@ def verdict_card(margins: Sequence[Margin], dent: float | None, *, has_bar: bool
 
 
 def judged_text(margin: Margin, *, has_bar: bool) -> str:
-    """The judged stress beside the strength: "121 MPa (79 MPa to 169 MPa) of 235 MPa"."""
+    """Text of the judged stress and the strength: "121 MPa (79 MPa to 169 MPa) of 235 MPa"."""
     if not margin.is_stress:
         if not margin.has_bar:
             return f"exposure {margin.exposure:.2g} without a bar, failure from 1"
@@ -159,7 +159,7 @@ def stress_text(margins: Sequence[Margin], *, has_bar: bool) -> str:
 
 
 def deflection_text(hit: History, budget: ErrorBudget | None) -> str:
-    """The largest deflection of the site, with its bar."""
+    """Text of the largest deflection of the site, with its error bar."""
     if budget is not None and budget.deflection is not None:
         return budget.shown(DEFLECTION, 3)
     motion = hit.site_motion
@@ -197,7 +197,7 @@ def _mesh_round_rows(fields: Iterable[PeakField]) -> Rows:
 
 
 def bar_of_fall(fall: Fall, worst: WorstField) -> float | None:
-    """Relative error of the force, by its contact law, of the impact with the judged stress."""
+    """Relative error, due to the contact law, of the force in the impact with the judged stress."""
     number = 0 if worst.exposure is None else worst.margin().impact
     return fall.impacts[number - 1 if number else int(worst.impact[worst.judged])].law_error
 

@@ -52,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class _WarningPrinter:
-    """Prints each warning that no command collects as one line, and repeats none."""
+    """Prints each warning that no command collects once, as one line."""
 
     def __init__(self) -> None:
         self._told: set[str] = set()

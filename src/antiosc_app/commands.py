@@ -171,7 +171,7 @@ def compare_methods(
 
 
 def with_strike(document: Document) -> Document:
-    """The scene with [strike] in place of [extract] and [simulate], if its mesh can be refined."""
+    """The scene with [strike] instead of [extract] and [simulate], if its mesh can be refined."""
     data = document.data
     simulated = data.get("simulate")
     meshed = {"geometry", "extract", "impactor"} <= set(data)

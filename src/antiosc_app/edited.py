@@ -1,6 +1,6 @@
-"""The scene of `antiosc open`: what a click or a field changes, and what Undo takes back.
+"""The scene of `antiosc open`: changes by clicks and fields of the page, and Undo.
 
-The page holds no set-up of its own: it sends changes of this scene, which begins as that of
+The page stores no set-up: it sends changes of this scene, which begins as the scene of
 `antiosc new`.
 """
 
@@ -70,7 +70,7 @@ MAX_UNDO = 50
 
 
 class SceneState(NamedTuple):
-    """Sections of an impact and of a fall, which of the two is computed, names of held faces."""
+    """Sections of an impact and of a fall, which of both is computed, names of held faces."""
 
     impact: Table
     fall: Table
@@ -81,8 +81,8 @@ class SceneState(NamedTuple):
 class EditedScene:
     """A scene that the page edits.
 
-    `faces`: name -> table of the support that fixes it; `held_faces`: names of those fixed at
-    first.
+    `faces`: tables of supports by name of the face they fix; `held_faces`: names of the faces fixed
+    at first.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class EditedScene:
 
     @property
     def is_fall(self) -> bool:
-        """Whether the scene is that of a fall."""
+        """Whether the computed scene is a fall."""
         return self._state.is_fall
 
     @property
@@ -137,14 +137,14 @@ class EditedScene:
     # -- what changes it
 
     def undo(self) -> None:
-        """Take the last change back, if there is one."""
+        """Undo the last change, if there is one."""
         if self._past:
             self._state = self._past.pop()
 
     def change(
         self, values: Table, stressed_place: Sequence[float] = (), cell_size: float = 0.0
     ) -> None:
-        """Change the scene; after an InputError for a mistake it is as before.
+        """Change the scene; an InputError for a mistake leaves it unchanged.
 
         `values`: name of a change -> its value. For a finer mesh, `stressed_place`: place [m] of
         the largest stress, and `cell_size`: size [m] of the cells at the site, in the last answer.
@@ -233,7 +233,7 @@ class EditedScene:
         _set_or_remove(scene, "supports", supports or None)
 
     def _strike_with(self, striker_kind: str) -> None:
-        """Change the kind of striker; values that the former one has are taken over."""
+        """Change the kind of striker; common values are taken from the former striker."""
         self._state = self._state._replace(is_fall=striker_kind == FLOOR_STRIKER)
         if (
             striker_kind == FLOOR_STRIKER
@@ -260,7 +260,7 @@ class EditedScene:
         self._state.impact["contact"] = {KIND_KEY: AUTO}
 
     def _set_material(self, section: str, name: object) -> None:
-        """Change a material; the user's own one begins with the constants of the former one."""
+        """Change a material; a user-defined one begins with the former material's constants."""
         _checked_name(name, (*ISOTROPIC_MATERIALS, OWN_MATERIAL))
         for table in self._tables(section):
             before = table.get(
@@ -292,7 +292,7 @@ class EditedScene:
         return {KIND_KEY: self._inspected.family, **constants}
 
     def _refine_cells(self, stressed_place: Sequence[float], cell_size: float) -> None:
-        """Make cells smaller at site and largest stress; in a finished mesh of solids, all."""
+        """Refine cells at the site and the largest stress; all cells of a finished solid mesh."""
         inspected = self._inspected
         for scene in (self._state.impact, self._state.fall):
             read = scene.get("geometry") or scene["deck"]
@@ -309,7 +309,7 @@ class EditedScene:
 
 
 def _initial_sections(path: Path, inspected: Inspection, drop: bool) -> Table:
-    """Sections of the scene that `antiosc new` writes; `drop`: of a fall."""
+    """Sections of the scene that `antiosc new` writes; `drop`: for a fall."""
     text = new.scene_text(path.with_suffix(".toml").name, path.name, inspected, drop)
     sections = tomllib.loads(text)
     if drop and inspected.is_deck:

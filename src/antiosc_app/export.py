@@ -31,12 +31,12 @@ def export(
     gap: float | None = None,
     fmi: int = 2,
 ) -> None:
-    """Write an impact, a scene, or a model alone for another program.
+    """Write an impact, a scene, or a single model for another program.
 
-    A file named ``.fmu`` is one of FMI 2.0 or 3.0 for co-simulation, with C sources and the
-    available binaries: an impact or a scene runs by itself and gives forces and motions; a model
-    alone is a port, whose inputs are the forces on its sites and its outputs their motions. ``.c``
-    is the same as one C99 file without dependencies, for controllers.
+    A file named ``.fmu`` is an FMU of FMI 2.0 or 3.0 for co-simulation, with C sources and the
+    available binaries: an impact or a scene runs by itself and gives forces and motions; a single
+    model has the forces on its sites as inputs and their motions as outputs. ``.c`` is the same as
+    one C99 file without dependencies, for controllers.
 
     Parameters
     ----------
@@ -44,11 +44,10 @@ def export(
     path : str or Path
         File to write; its ending chooses the format. `source` and `path` may change places.
     impactor, contact : as for `simulate`
-        Neither for a model alone or a scene.
+        Not for a single model or a scene.
     duration : float, optional
-        Time [s] for which the step of the exported run is chosen; by default twenty expected
-        contact times, or longer, until the bodies have parted. The run may last a thousand times
-        as long.
+        Time [s] for which the step of the exported run is chosen; default: twenty expected contact
+        times, or longer until the bodies have separated. The run may last a thousand times as long.
     tol : float
         Relative error of the contact forces of an exported run over `duration`, in the L2 norm.
     initial_velocity, gravity, gap
@@ -59,8 +58,8 @@ def export(
     Raises
     ------
     InputError
-        For an unknown ending, a law that has no form in C (a class of the user's: use `Tabulated`),
-        or a source that the file cannot represent; nothing is written then.
+        An unknown ending, a law without a form in C (a user's class: use `Tabulated`), or a source
+        that the file cannot represent; nothing is written then.
     """
     exported, file = checks.what_and_path(source, path)
     ending = ending_of(file)
@@ -96,7 +95,7 @@ def _scene_parts(
     gravity: float | Sequence[float],
     gap: float | None,
 ) -> SceneParts | None:
-    """The scene of an impact; None for a model alone."""
+    """The scene of an impact; None for a single model."""
     if impactor is None:
         if contact is not None and not is_auto(contact):
             raise InputError("a contact needs an impactor: give both, or neither.")

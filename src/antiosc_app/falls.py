@@ -1,4 +1,4 @@
-"""A fall on the page of a report: the moving part, its impacts, and the headline."""
+"""Data of a fall for the page of a report: the moving part, its impacts, and the headline."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ IMPACT_UNITS = (
 
 
 def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
-    """The data of a fall for the page, the same on every rank; `worst`: stress that colours it."""
+    """The data of a fall for the page, the same on every rank; `worst`: stress for the colours."""
     points, faces = _fall_surface(fall)
     ends = [0.0, *(impact.time for impact in fall.impacts), fall.end.time]
     frames = max(2, min(MAX_FLIGHT_FRAMES, FRAME_COUNT // len(ends)))

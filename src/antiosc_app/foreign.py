@@ -1,4 +1,4 @@
-"""Reads the file of a part with guesses of what it does not state: unit, piece, densities."""
+"""Reads the file of a part and guesses values that it does not state: unit, piece, densities."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ OPTION_TEXTS = {
 class ForeignPart:
     """A part that was read.
 
-    `read_options`: the arguments of `read_mesh` or `read_model` that did it.
+    `read_options`: the arguments of `read_mesh` or `read_model` with which it was read.
     """
 
     mesh: Mesh
@@ -121,7 +121,7 @@ def is_deck(path: Path) -> bool:
 
 
 def read_options_of_piece(read: ReadOptions, piece: int) -> ReadOptions:
-    """Arguments that read one piece of a part; `read`: those that read the part."""
+    """Arguments that read one piece of a part; `read`: arguments that read the whole part."""
     joins = () if "piece" in read else ("fragments", "merge", "contact")
     kept = {key: read[key] for key in PIECE_KEYS if key in read and key not in joins}
     return {**kept, "piece": piece}
@@ -213,7 +213,7 @@ def _opened_geometry(
 
 
 def _options_to_try(contents: FileMesh, is_geometry: bool, notes: list[str]) -> list[ReadOptions]:
-    """Options of `read_mesh` to be tried in turn; adds to `notes` what they follow from."""
+    """Options of `read_mesh` to be tried in turn; adds the reasons for them to `notes`."""
     from antiosc.io.facets import CLOSED_SURFACE_GROUP
 
     if not is_geometry:
@@ -265,7 +265,7 @@ def _piece_sentence(read: ReadOptions, pieces: Sequence[Piece]) -> list[str]:
 
 
 def _part_of_deck(path: Path, options: ReadOptions, unit: str | None) -> ForeignPart:
-    """Read the model of a deck; `unit`: None for the first in which its materials are real."""
+    """Read the model of a deck; `unit`: None for the first with realistic materials."""
     from antiosc.fem.structure.structure import with_parts
     from antiosc_decks.from_deck import facts_of_deck
 
@@ -318,7 +318,7 @@ def _with_steel_constants(
 
 
 def unit_of_materials(families: Sequence[Any], length: float) -> str:
-    """The first unit in which most materials of a deck are real ones, else one by its length.
+    """The first unit in which most materials of a deck are realistic, else a unit by its length.
 
     `families`, `length` [m]: materials and length of the deck, read in mm.
     """

@@ -1,7 +1,7 @@
-"""Guesses where a part is struck and held, if nobody says it.
+"""Guesses where a part is struck and held, if the user does not say it.
 
-It is struck at the middle of its largest free visible face, and held at a group whose name is that
-of a support, else at its lowest flat side.
+It is struck at the middle of its largest free visible face, and held at a group with the name of a
+support, else at its lowest flat side.
 """
 
 from __future__ import annotations
@@ -243,8 +243,8 @@ def supporting_side(
 ) -> tuple[BoolArray, list[Array] | None]:
     """(mask (N,) of the nodes on the lowest flat side that is not too large, [point, normal]).
 
-    None in place of [point, normal] if there is no such side; `size` [m]: diagonal of the part;
-    `faces`: those of a solid, whose areas are then compared, too.
+    None instead of [point, normal] if there is no such side; `size` [m]: diagonal of the part;
+    `faces`: faces of a solid, whose areas are then compared, too.
     """
     low, high = x.min(axis=0), x.max(axis=0)
     area = None if faces is None else np.linalg.norm(face_area_vectors(x[faces]), axis=1)

@@ -76,13 +76,13 @@ def sentences_of_map(impact_map: ImpactMap) -> list[str]:
 
 
 def caution_of_map(impact_map: ImpactMap) -> str:
-    """Text on doubtful sites of a map and on blows beyond its models' frequencies; or ""."""
+    """Text on doubtful sites of a map and on impacts beyond its models' frequencies; or ""."""
     sentences = (left_out_text(impact_map), low_band(impact_map))
     return " ".join(capitalised(sentence) for sentence in sentences if sentence)
 
 
 def caution_of_impact(hit: History, budget: ErrorBudget | None) -> str:
-    """Text that must be read before the numbers of an impact; "" if nothing questions them."""
+    """Caution to read before the numbers of an impact; "" if nothing casts doubt on them."""
     cautions = []
     if not isinstance(hit, SceneHistory):
         cautions += [
@@ -112,7 +112,7 @@ def _as_sentence(text: str) -> str:
 
 
 def largest_share(budget: ErrorBudget | None) -> str:
-    """Sentence on the largest cause of the force's error bar, and what reduces it; or ""."""
+    """Sentence on the largest cause of the force's error bar, with the remedy; or ""."""
     if budget is None:
         return ""
     bar = budget["peak_force"]
@@ -125,7 +125,7 @@ def largest_share(budget: ErrorBudget | None) -> str:
 
 
 class NumericalBar(float):
-    """A relative error of a force that lacks the contact law's share, which is not known."""
+    """A relative error of a force without the contact law's share, which is not known."""
 
 
 def force_bar(budget: ErrorBudget | None) -> float | None:
@@ -153,7 +153,7 @@ def stress_sentences(fields: Mapping[str, PeakField], force_error: float | None)
 
 
 def with_force_error(worst: Margin, force_error: float | None) -> Margin:
-    """The margin with the relative error of the force, 0 for None, in its bar."""
+    """The margin with the relative error of the force (0 for None) included in its error bar."""
     return replace(worst, force_error=force_error or 0.0)
 
 

@@ -27,9 +27,8 @@ BROKEN_REMARK = "fails to load"
 class Package(NamedTuple):
     """A package that antiosc can use.
 
-    `for_meshes`: whether structures with a mesh need it;
-    `version`: loads it and returns its version;
-    without it the version is read where pip or Debian wrote it.
+    `for_meshes`: whether structures with a mesh need it; `version`: function that loads it and
+    returns its version; if None, the version is read from the records of pip or Debian.
     """
 
     name: str
@@ -105,7 +104,7 @@ def c_compiler() -> str:
 
 
 def meshing_works() -> bool:
-    """Whether everything that structures with a mesh need is installed, and loads where tried."""
+    """Whether all packages for structures with a mesh are installed and can be loaded."""
     versions = packages_found()
     return bool(c_compiler()) and all(
         versions[p] and not versions[p].startswith(BROKEN_REMARK) for p in versions if p.for_meshes
@@ -191,7 +190,7 @@ def petsc_solvers() -> list[str]:
 
 
 def _cholmod_text() -> str:
-    """Text: CHOLMOD's version if antiosc calls it directly, else why it does not."""
+    """Text: CHOLMOD's version if antiosc calls it directly, else the reason why it does not."""
     try:
         from antiosc.fem.linalg import cholmod
     except Exception as error:  # whatever an installed package may raise
@@ -212,7 +211,7 @@ def blas_text() -> str:
 
 
 def _loaded_version(module: str) -> str:
-    """Version of a package, which this loads."""
+    """Version of a package; this loads the package."""
     return str(importlib.import_module(module).__version__)
 
 
@@ -226,7 +225,7 @@ def _mpi_version() -> str:
 
 
 def _gmsh_version() -> str:
-    """Version of gmsh, from another process: it would change the locale of this one."""
+    """Version of gmsh, from another process, since gmsh would change this one's locale."""
     code = (
         "from antiosc.io.by_gmsh import quiet_session;"
         "print(quiet_session().option.getString('General.Version'))"

@@ -1,4 +1,4 @@
-"""Inspects the file of a part: guesses what a new scene, or the page, begins with."""
+"""Inspects the file of a part, and guesses initial values for a new scene or the page."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ def inspect_part(
 ) -> Inspection:
     """Read or mesh the file of a part and inspect it.
 
-    `free`: without a deck's supports; `unit`, `size` [m] of cells: None to guess them; `piece`: the
-    rank of the piece that is read alone; `contact` of a deck: "tied" or "apart"; `whole`: the
-    inspection of the whole part, if there is one already.
+    `free`: without a deck's supports; `unit`, `size` [m] of cells: None to guess them; `piece`:
+    rank of the only piece to read; `contact` of a deck: "tied" or "apart"; `whole`: inspection of
+    the whole part, if it was made before.
     """
     check_size(path)
     options = free, unit, size, contact
@@ -101,7 +101,7 @@ def _inspection_of(
 ) -> Inspection:
     """Inspect a mesh; `read_options`: the arguments of its reader.
 
-    `structure`: that of a deck; `is_meshed`: whether the mesh was made here from a geometry.
+    `structure`: structure of a deck; `is_meshed`: whether the mesh was made from a geometry here.
     """
     from antiosc.fem.elements.weak_form import measure
     from antiosc.fem.mesh.finer import longest_cell

@@ -89,7 +89,7 @@ class Inspection:
 
     @property
     def size(self) -> float:
-        """Cell size [m] that was asked for, else the longest cell of the file."""
+        """Requested cell size [m], else the longest cell of the file."""
         return float(self.read_options.get("size", self.longest_cell))
 
     @property
@@ -126,7 +126,7 @@ class Inspection:
         return usual_ball(self.length)
 
     def heaviest_striker(self, mass: float) -> float:
-        """The smaller one of `mass` and the largest mass [kg] for which linear theory holds."""
+        """The smaller of `mass` and the largest mass [kg] for which linear theory holds."""
         heaviest = MAX_MASS_RATIO * self.mass
         return min(mass, rounded_down(heaviest)) if heaviest > 0 else mass
 
@@ -146,7 +146,7 @@ class Inspection:
         return f"{self.n_cells} cells of kind {self.shape}"
 
     def sentences(self, name: str, drop: bool = False) -> list[str]:
-        """Lines for the terminal on the part `name`; `drop`: of a fall in place of an impact."""
+        """Lines for the terminal on the part `name`; `drop`: for a fall instead of an impact."""
         first = (
             f"{name}: {self.cells_text}, {self.sides_text()}; groups: {names_text(self.groups)}."
         )
@@ -233,7 +233,7 @@ class Inspection:
         ]
 
     def _support_text(self) -> str:
-        """Text that says where the part is held."""
+        """Text on the place where the part is held."""
         if self.is_deck and not self.is_free_deck:
             return "as in the deck"
         if self.held_groups:

@@ -33,7 +33,7 @@ class ResultCache(OrderedDict[str, T]):
         self._messages: dict[str, list[str]] = {}
 
     def result_of(self, key: str, make: Callable[[], T]) -> T:
-        """The result for `key`, by `make` if it is not known; its warnings are repeated."""
+        """The result for `key`, from `make` if it is not known; its warnings are repeated."""
         if key not in self:
             messages: list[str] = []
             with warnings_to(messages.append):
@@ -51,7 +51,7 @@ class ResultCache(OrderedDict[str, T]):
 class PartCache:
     """Cache of meshes, structures and models of one part.
 
-    A `structure` takes the place of the one that scenes describe.
+    A given `structure` replaces the structure that scenes describe.
     """
 
     def __init__(self, structure: Structure | None = None) -> None:

@@ -1,7 +1,7 @@
-"""The page of a report: its scripts, and the impact that it repeats, as data.
+"""The page of a report: its scripts, and the data of the impact that it repeats.
 
-The data are those of one impact of `simulate` or `strike`, or of a map; `live_meshes` adds the
-struck part and the sites of a map.
+The data describe one impact of `simulate` or `strike`, or a map; `live_meshes` adds the struck part
+and the sites of a map.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def embedded_json(data: Data) -> str:
 
 
 def plain_json(value: object, array_value: Callable[[Array], object] = np.ndarray.tolist) -> object:
-    """A value as JSON: NaN and infinity become None, arrays what `array_value` returns."""
+    """A value as JSON: NaN and infinity become None, an array a becomes `array_value(a)`."""
     if isinstance(value, Mapping):
         return {str(key): plain_json(entry, array_value) for key, entry in value.items()}
     if isinstance(value, bytes):
@@ -155,7 +155,7 @@ def impact_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
 def impact_data(law: ContactLaw, striker_data: Data, impactor: LinearBody, speed: float) -> Data:
     """Data for the page that do not depend on the site: law, striker, positions of sliders.
 
-    `striker_data`: `modal_data` of `impactor`; `speed` [m/s]: that of approach.
+    `striker_data`: `modal_data` of `impactor`; `speed`: approach speed [m/s].
     """
     assert isinstance(law, Compiled)
     values = law.parameters()
@@ -193,7 +193,7 @@ def modal_data(
     """A body's free modes as data for `pose` of engine.js.
 
     `start_velocities`: modal velocities (J,) [m/s]; `modal_loads`: modal loads (J,) [N]; both 0 by
-    default; `local_compliance`: local compliance [m/N] beside that of the modes.
+    default; `local_compliance`: local compliance [m/N] in addition to the modes'.
     """
     zeros = np.zeros(body.omega.size)
     return {
@@ -235,7 +235,7 @@ def _damping_ratio(model: LinearBody) -> float | None:
 
 
 def _computed_data(hit: History, budget: ErrorBudget | None) -> Data:
-    """Force curve, numbers and texts of the computed impact, which stay on the page."""
+    """Force curve, numbers and texts of the computed impact, which the page keeps."""
     time = hit.time
     force = hit.force
     if time.size > CURVE_POINTS:

@@ -1,4 +1,4 @@
-"""Data of an impact or a map from which the page repeats it, with the struck part."""
+"""Data by which the page repeats an impact or a map, with the struck part."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ class PageSurface(NamedTuple):
 
 
 def drawn_surface(skin: PageSurface) -> tuple[Data, IntArray]:
-    """(`geometry_data` of a surface without unused points, numbers of the points that it has)."""
+    """(`geometry_data` of a surface without unused points, numbers of the used points)."""
     used_points, faces = np.unique(skin.faces, return_inverse=True)
     return geometry_data(skin.points[used_points], faces.reshape(-1, 3)), used_points
 
@@ -213,7 +213,8 @@ def _shape_factors(hit: History) -> Array:
 def _held_points(displacements: Array) -> BoolArray:
     """Mask (P,) of the points that are held.
 
-    A component of their `displacements` (P, 3, columns) is 0 in all columns, and not elsewhere.
+    A component of their `displacements` (P, 3, columns) is 0 in all columns, and is not 0 at other
+    points.
     """
     reach = np.abs(displacements).max(axis=2, initial=0.0)
     is_moving = reach.max(axis=0) > 0
@@ -227,8 +228,8 @@ def principal_fields(
 
     `coordinate_fields` (P, c, B): field of c components at P points for unit coordinates; `x` (n,
     B): coordinates at n times. The field is `fields` (K, P, c) × `scale` (K,) × (`factors` (K, B)
-    x); `largest` is the largest `field_size` of it in the run. Coordinates are weighted by their
-    largest values, so that the fields also serve runs with other amplitudes.
+    x); `largest` is its largest `field_size` in the run. Coordinates are weighted by their largest
+    values, so that the fields are also accurate in runs with other amplitudes.
     """
     points, components, count = coordinate_fields.shape
     weights = np.abs(x).max(axis=0)
@@ -337,7 +338,7 @@ def map_data(impact_map: ImpactMap, structure: Structure | None = None) -> tuple
 
 
 def _dotted_sites(impact_map: ImpactMap) -> IntArray:
-    """Numbers of the sites drawn as dots: those that are on no triangle of sound sites."""
+    """Numbers of the sites drawn as dots: sites that belong to no triangle of reliable sites."""
     if impact_map.elements.shape[1] != 3:
         return np.arange(len(impact_map))
     sound = ~impact_map.doubtful

@@ -56,8 +56,8 @@ def write_scene(
 ) -> tuple[Path, list[str]]:
     """Write a new scene file; returns its path and sentences on the part.
 
-    Without `part` a plate is written as well; `drop`: a fall in place of an impact; `unit` of
-    the file, `size` [m] of the cells, `piece` by rank: as for `inspect_part`.
+    Without `part` a plate is written as well; `drop`: a fall instead of an impact; `unit` of the
+    file, `size` [m] of the cells, `piece` by rank: as for `inspect_part`.
     """
     metal = materials.record(inspection.DEFAULT_MATERIAL if material is None else material)
     if metal.G is not None:

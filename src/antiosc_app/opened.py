@@ -1,8 +1,8 @@
 """`antiosc open`: answers the calls of the page on which a part is struck.
 
 The page edits a scene of the part. The scene is run in two steps: first the force with its error
-bars, then motion, stress and all that `antiosc run` prints. Meshes, structures and models are kept
-for the next run, and one thread computes.
+bars, then motion, stress and all output of `antiosc run`. Meshes, structures and models are kept
+for the next run. One thread does all computations.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ DEFAULT_SITE_COUNT = 200
 class SceneAnswer(NamedTuple):
     """Results of a scene with this `scene_text`.
 
-    `has_stresses`: with stresses, not the history alone.
+    `has_stresses`: whether it contains stresses, or only the history.
     """
 
     scene_text: str
@@ -100,7 +100,7 @@ class OpenPart:
 
     @property
     def calls(self) -> dict[str, Callable[[Table], object]]:
-        """Name of a call of the page -> the function that answers it."""
+        """Functions that answer the calls of the page, by name of the call."""
         steps: dict[str, Callable[[Table], Data]] = {
             **{"settle": self._force_with_bars, "show": self._all_results, "map": self._map_data},
             "write": self._write_results,
@@ -117,11 +117,11 @@ class OpenPart:
         }
 
     def close(self) -> None:
-        """Accept no further work; what is being computed ends at its next step."""
+        """Accept no further work; a running computation ends at its next step."""
         self._worker.close()
 
     def _page_call(self, step: Callable[[Table], Data]) -> Callable[[Table], Data]:
-        """A call of the page that computes `step` on the worker, for the page's turn."""
+        """A call of the page that computes `step` on the worker thread, for the page's turn."""
 
         def call(values: Table) -> Data:
             turn = checks.whole("turn", values.get("turn"), least=0)
@@ -132,7 +132,7 @@ class OpenPart:
     # -- the part
 
     def _part_and_scene(self) -> Data:
-        """Data of the part, which is opened if it is not yet, and of the scene as it is now."""
+        """Data of the part (which is opened if necessary) and of the present scene."""
         if not self._first:
             self._first = self._open_part()
         return {**self._first, **self._edited_scene.page_state(), "turn": self._worker.turn}
@@ -145,7 +145,7 @@ class OpenPart:
         return self._scene
 
     def _open_part(self) -> Data:
-        """Read the part, begin its scene, and return the data that the page needs of both."""
+        """Read the part, begin its scene, and return data of both for the page."""
         from antiosc_app.skin import face_places
 
         inspected = self._inspected = self._inspect()
@@ -179,7 +179,7 @@ class OpenPart:
         }
 
     def _inspect(self) -> Inspection:
-        """Inspect the part, or the piece of it that was chosen."""
+        """Inspect the part or its chosen piece."""
         if self._given is not None:
             return inspect_structure(self._given)
         piece, contact = self._choice["piece"], self._choice["contact"]
@@ -274,7 +274,7 @@ class OpenPart:
         return answer
 
     def _settled_scene(self, document: Document) -> SettledScene:
-        """The scene of a document with numbers in place of "auto"."""
+        """The scene of a document with numbers instead of "auto"."""
         begun = begin_settling(document, self._kept)
         first = run.make_results(begun.scene, ("structure",), begun.evaluation)
         begun.scene.warnings[:] = first.warnings
@@ -288,7 +288,7 @@ class OpenPart:
         return {} if made.history is None else self._impact_data(made)
 
     def _all_results(self, _: Table) -> Data:
-        """Compute all that `antiosc run` prints, and motion and stress for the picture."""
+        """Compute all output of `antiosc run`, and motion and stress for the picture."""
         made = self._run_scene(with_stresses=True).results
         if made.history is None:
             told = {**falls.data_of_fall(made.fall, made.worst), "summary": summary_data(made)}
@@ -379,7 +379,7 @@ def first_scene(
 
 
 def without_line_numbers(work: Callable[[], Any]) -> Any:
-    """The result of `work`; mistakes of the scene are raised without file name and line."""
+    """The result of `work`; mistakes in the scene are raised without file name and line."""
     try:
         return work()
     except SceneFileError as error:
@@ -410,7 +410,7 @@ def _piece_text(rank: int, piece: Piece) -> str:
 def _file_sentences(inspected: Inspection, is_given: bool) -> list[str]:
     """Sentences on the part: size, mass, unit, and decisions made while its file was read.
 
-    `is_given`: whether the caller gave a structure in place of a file.
+    `is_given`: whether the caller gave a structure instead of a file.
     """
     told = [f"{inspected.sides_text()}, {inspected.cells_text}"]
     with contextlib.suppress(InputError):

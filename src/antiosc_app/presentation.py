@@ -1,4 +1,4 @@
-"""`Presentation`, which terminal, files and reports show of a result; texts and pictures."""
+"""`Presentation`: texts and pictures of a result for terminal, files and reports."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def format_rows(rows: Rows) -> str:
 
 
 def format_columns(table: Columns) -> str:
-    """A table as text with prefixed units; of a long one the first MAX_PRINTED_ROWS rows."""
+    """The first MAX_PRINTED_ROWS rows of a table as text with prefixed units."""
     columns = with_unit_prefixes(table)
     rows = list(zip(*columns.values(), strict=True))
     cells = [
@@ -140,7 +140,7 @@ def _prefixed_column(name: str, values: list[object]) -> tuple[str, list[object]
 
 
 def format_number(value: object) -> str:
-    """Text of a number to five digits, a dash if it is not finite; of other values `str`."""
+    """Text of a number to five digits, or a dash if it is not finite; `str` of other values."""
     if isinstance(value, float | np.floating):
         if np.isfinite(value):
             return f"{value:.5g}"
@@ -149,7 +149,7 @@ def format_number(value: object) -> str:
 
 
 def spaced_name(name: str) -> str:
-    """The name with blanks in place of underscores."""
+    """The name with blanks instead of underscores."""
     return name.replace("_", " ")
 
 
@@ -163,18 +163,18 @@ class Card(NamedTuple):
 
 @dataclass
 class Presentation:
-    """What terminal, files, page and report show of a result, made on every rank.
+    """Content for terminal, files, page and report on a result, made on every rank.
 
     Attributes
     ----------
-    cards : the answers that stand first: does it break, how hard, how far, where.
-    asked : the numbers that were asked for beside them; rows : a few more.
-    caution : what must be read with them, "" if nothing must.
-    sentences : how the answers were found.
-    sections : heading -> blocks below it, which tell how it is computed.
-    tables, fields : file -> its columns, or function that writes it.
+    cards : the first answers: does it break, how hard, how far, where.
+    asked : further numbers that were requested; rows : a few more.
+    caution : caution to read with the answers; "" if there is none.
+    sentences : sentences on how the answers were found.
+    sections : blocks on the computation, by their heading.
+    tables, fields : columns of a file, or function that writes it, by name of the file.
     numbers : numbers for result.json.
-    plotted : name of a file -> object with a method `plot`.
+    plotted : objects with a method `plot`, by name of the file.
     pictures : pictures of a report.
     """
 
@@ -203,7 +203,7 @@ class Presentation:
 
     @property
     def text(self) -> list[str]:
-        """The paragraphs of the long text, in which each number stands once."""
+        """The paragraphs of the long text, which contains each number once."""
         blocks = (block for part in self.sections.values() for block in part)
         sentences = "\n".join(self.sentences)
         return [format_rows(self.answers), self.caution, sentences, *map(format_block, blocks)]

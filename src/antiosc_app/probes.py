@@ -72,11 +72,11 @@ class ProbeResult:
 
     @property
     def is_vector(self) -> bool:
-        """Whether the quantity is a vector, whose largest value is that of its magnitude."""
+        """Whether the quantity is a vector; its largest value is then of the magnitude."""
         return self.quantity in QUANTITY_UNITS and not self.tensor and len(self.units()) > 1
 
     def units(self) -> dict[str, str]:
-        """Component -> unit, in the order of the columns of `values`; "" names a scalar's."""
+        """Unit by component ("" for a scalar), in the order of the columns of `values`."""
         unit = QUANTITY_UNITS.get(self.quantity, "")
         count = self.values.shape[1]
         if self.scalar:
@@ -152,7 +152,7 @@ class ProbeResult:
         return name, told
 
     def rows(self) -> Rows:
-        """Rows (name, text): when and where the largest value arises, and its spectrum."""
+        """Rows (name, text) on the time and place of the largest value, and its spectrum."""
         peak = self.peak()
         told = [f"largest {peak['component']}".rstrip() + f" at {engineering(peak['time'], 's')}"]
         if self.point is not None:

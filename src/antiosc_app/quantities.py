@@ -1,4 +1,4 @@
-"""Numbers of a result as JSON, each with its error bar and causes, or why it has none."""
+"""Numbers of a result as JSON, each with its error bar and causes, or the reason for no bar."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def quantity(
     causes: Mapping[str, BarSides] | None = None,
     **more: object,
 ) -> Quantity:
-    """A number as JSON; `bar`: how far it may lie below and above, or why this is not known.
+    """A number as JSON; `bar`: errors below and above, or the reason why they are unknown.
 
     `causes`: cause -> its share of the bar, below and above; `more`: further keys.
     """
@@ -113,7 +113,7 @@ def _history_quantities(results: SceneResults) -> Iterator[Quantity]:
 def _quantity_with_bar(
     budget: ErrorBudget | None, name: str, value: float, unit: str, reason: str = NO_ESTIMATE_TEXT
 ) -> Quantity:
-    """The quantity `name` of an impact with its bar by a budget; `reason`: why it has none."""
+    """The quantity `name` of an impact with its bar from a budget; `reason`: why it has none."""
     if budget is None or (name == DEFLECTION and budget.deflection is None):
         return quantity(name, value, unit, reason)
 
@@ -127,9 +127,9 @@ def _quantity_with_bar(
 
 
 def _judged_stress(name: str, peak: Any, margin: Any, force_error: float | None) -> Quantity:
-    """The judged value of the stress field `peak`, with its bar by mesh and force.
+    """The judged value of the stress field `peak`, with its error bar due to mesh and force.
 
-    `margin`: its worst point, or None; `force_error`: relative error of the force, or None.
+    `margin`: worst point or None; `force_error`: relative error of the force or None.
     """
     if margin is None:
         value, point, time = peak.largest(1)[0]
@@ -150,7 +150,7 @@ def _judged_stress(name: str, peak: Any, margin: Any, force_error: float | None)
 
 
 def _fall_quantities(results: SceneResults) -> Iterator[Quantity]:
-    """The hardest impact of a fall, its shock and its stress; of an ensemble its quantiles."""
+    """The hardest impact of a fall, its shock and stress; for an ensemble its quantiles."""
     fall, worst = results.fall, results.worst
     if not hasattr(fall, "flights"):
         yield from _quantile_quantities(fall, FALL_QUANTITIES)

@@ -194,7 +194,7 @@ def write_report(
     Parameters
     ----------
     result : History, ImpactMap, Fall or Tradeoff
-        The result; for a trade-off its last history is shown, with the methods that were compared.
+        The result; for a trade-off its last history is shown, with the compared methods.
     path : str or Path
         The file, named .html. `result` and `path` may change places.
     structure : Structure, optional
@@ -257,7 +257,7 @@ def _results_of(reported: Any, structure: Structure | None, title: str) -> Scene
 
 
 def write_page(results: SceneResults, parts: Sequence[Presentation], path: Path) -> list[Path]:
-    """Write the report on the first rank; returns its path in a list; after an error there is none.
+    """Write the report on the first rank; returns [its path]. After an error there is no file.
 
     Every rank must call it, since fields and dimensions of a structure are distributed.
     """

@@ -102,7 +102,7 @@ def _model_rows(model: AntiOscillators) -> Rows:
 
 
 def mass_row(structure: Structure) -> Rows:
-    """One row (name, text): the mass of a structure, or why it is not known."""
+    """One row (name, text): the mass of a structure, or the reason why it is unknown."""
     try:
         return [("mass", engineering(structure.mass, "kg", 4))]
     except InputError as error:
@@ -156,7 +156,7 @@ def _present_impact(results: SceneResults) -> Presentation:
 
 
 def _contact_table(hit: History) -> Columns:
-    """Table of the numbers of each contact of a scene, one row a contact."""
+    """Table of numbers of a scene's contacts, one row for each."""
     contacts = _contacts_by_ends(hit)
     table: Columns = {"contact": [f"{a} – {b}" for a, b in contacts]}
     for name, unit in QUANTITIES.items():
@@ -207,7 +207,7 @@ def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
 
 
 def _margin_numbers(peak: PeakField) -> Columns:
-    """{"margin": …} of a stress field with a strength, {"outside": …} of one without, for
+    """{"margin": …} of a stress field with a strength, {"outside": …} without a strength, for
     result.json; {} if neither is known.
     """
     margin = peak.worst_point
@@ -367,7 +367,7 @@ def quantile_table(ensemble: Many, units: Mapping[str, str]) -> Columns:
 
 
 def _nominal_blocks(nominal: NominalImpact | None) -> list[Block]:
-    """Blocks with the answers of a study's impact at its own values, as of `antiosc run`."""
+    """Blocks with the answers on a study's impact at its own values, as in `antiosc run`."""
     if nominal is None:
         return []
     hit, _, fields = nominal
@@ -445,7 +445,7 @@ def _present_sample(results: SceneResults) -> Presentation:
 
 
 def _present_found_impact(results: SceneResults) -> Presentation:
-    """Present the blow that `find_impact` found."""
+    """Present the impact found by `find_impact`."""
     blow = results.found
     caption = "Signals in the band that is compared, and the contact force (N) that was found."
     return Presentation(
@@ -537,7 +537,7 @@ def _present_map(results: SceneResults) -> Presentation:
 
 
 def _value_range_text(values: Array, unit: str) -> str:
-    """Text "smallest to largest" of values in `unit`; those in rad/s are given in Hz."""
+    """Text "smallest to largest" of values in `unit`; values in rad/s are given in Hz."""
     values, unit = (values / (2 * np.pi), "Hz") if unit == "rad/s" else (values, unit)
     return range_text(values.min(), values.max(), unit)
 

@@ -1,4 +1,4 @@
-"""The numbers of an exported run as `csrc/export/antiosc_model.h` needs them, with names."""
+"""The numbers of an exported run for `csrc/export/antiosc_model.h`, with names."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Variable:
 class RunData:
     """A run for `csrc/export/antiosc_model.h`.
 
-    `system` has the bodies and contacts. A run with `input_variables` (a model alone) has no
+    `system` has the bodies and contacts. A run with `input_variables` (a single model) has no
     contacts, and one row of the system for each site.
     """
 
@@ -154,7 +154,7 @@ class RunData:
 
     @property
     def memory_bytes(self) -> int:
-        """Bytes of memory that a run needs on a 64-bit machine; on others it needs no more."""
+        """Bytes of memory that a run needs on a 64-bit machine, the most on any machine."""
         arrays = [
             np.ascontiguousarray(array, dtype=float)
             for array in (
@@ -192,7 +192,7 @@ class RunData:
 
 
 def run_of_model(model: LinearBody) -> RunData:
-    """Data of a model alone: forces on its sites are inputs, their motions outputs."""
+    """Data of a single model: forces on its sites are inputs, their motions outputs."""
     body = scene_body("model", model, None)
     _refuse_coupled({"model": body})
     if isinstance(model, Obstacle) or not body.modes.B.size:
@@ -223,7 +223,7 @@ def run_of_model(model: LinearBody) -> RunData:
 def run_of_scene(
     scene: SceneParts, duration: float | None, tol: float, without_body: bool
 ) -> RunData:
-    """Data of a scene's run; `duration` [s] or None for one until the bodies part.
+    """Data of a scene's run; `duration` [s], None: until the bodies separate.
 
     `without_body`: results of a single impact are named without the body.
     """
@@ -300,7 +300,7 @@ def _refuse_coupled(bodies: Mapping[str, SceneBody]) -> None:
 
 
 def _column_names(body: SceneBody, prefix: str = "") -> list[str]:
-    """Prefixes of the outputs of a body's columns, as "tip.", "tip.1."; "" without any name."""
+    """Prefixes of the outputs of a body's columns, such as "tip.", "tip.1."; "" without a name."""
     names = [""] * body.modes.B.shape[1]
     for site, columns in body.sites.items():
         for k, column in enumerate(columns):

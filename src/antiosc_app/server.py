@@ -61,7 +61,7 @@ class RefusedRequest(Exception):
 
 
 class PageServer(ThreadingHTTPServer):
-    """Serves `page` (HTML, Content-Security-Policy), calls and reports by name, until `close`."""
+    """Serves `page` (HTML, Content-Security-Policy), calls and reports by name, until closed."""
 
     daemon_threads = True
 
@@ -133,7 +133,7 @@ class _PageRequest(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def _check_source(self) -> None:
-        """Refuse a request whose headers are not those of the page itself."""
+        """Refuse a request whose headers do not come from the page."""
         headers = self.headers
         if sum(len(name) + len(value) for name, value in headers.items()) > MAX_HEADER_BYTES:
             raise RefusedRequest(
@@ -165,7 +165,7 @@ class _PageRequest(BaseHTTPRequestHandler):
             raise RefusedRequest(HTTPStatus.NOT_FOUND, "there is no such page.") from None
 
     def _content_policy(self) -> str:
-        """Content-Security-Policy of the answer: that of the page, or of a report."""
+        """Content-Security-Policy of the answer, for the page or for a report."""
         is_report = self.path.rpartition("/")[2] in self.server.reports
         return content_policy(page_script()) if is_report else self.server.policy
 

@@ -28,8 +28,8 @@ SupportTable: TypeAlias = Mapping[str, Any]
 class PageSkin(NamedTuple):
     """Surface of a part, and its faces that can be fixed.
 
-    `data` has points and triangles; `tags` (T,): the number of each triangle's face from 1, or 0;
-    `sets`: the triangles of each face; `nodes`: the points of each edge of a sheet.
+    `data` has points and triangles; `tags` (T,): number (from 1) of each triangle's face, or 0;
+    `sets`: triangles of each face; `nodes`: points of each edge of a sheet.
     """
 
     data: Data
@@ -101,9 +101,9 @@ def page_skin(structure: Structure, inspected: Inspection) -> PageSkin:
 
 
 def face_places(shape: Data, names: Sequence[str]) -> dict[str, str]:
-    """Name of a face -> its place: "x = 95 mm" if it is normal to an axis, else its middle [mm].
+    """Places of faces by name: "x = 95 mm" if normal to an axis, else the middle [mm].
 
-    `shape`: the data of the skin; `names`: those of its faces, in order.
+    `shape`: data of the skin; `names`: names of its faces, in order.
     """
     size = 1e3 * shape["half"]
     step = size / MAX_INTEGER
@@ -134,7 +134,7 @@ def _line_nodes(mesh: Mesh, held: SupportTable) -> IntArray:
 
 
 def _group_supports(mesh: Mesh) -> dict[str, SupportTable]:
-    """Name -> support of each group of faces, edges or points, the largest first."""
+    """Supports by name, for each group of faces, edges or points, the largest first."""
     size = {
         name: sum(len(entities) for dim, entities in parts.items() if dim == max(parts))
         for name, parts in mesh.groups.items()

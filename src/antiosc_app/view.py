@@ -58,7 +58,7 @@ class View:
 
     @property
     def site(self) -> Site | None:
-        """The site that was struck last on the page; None before the first impact."""
+        """The site that was last struck on the page; None before the first impact."""
         return self._opened.site
 
     def close(self) -> None:
@@ -77,8 +77,8 @@ class View:
 
 
 def view(part: Structure | str | os.PathLike[str]) -> View:
-    """Open a part on a page where it can be struck: in a notebook below the cell, else at its
-    address.
+    """Open a part on a page on which it can be struck, in a notebook below the cell, else at the
+    page's address.
 
     A click sets the site; the page shows it as `Site(…)` to copy, and the returned object has it as
     `site`. The page is for browsers on this machine only.
@@ -128,9 +128,9 @@ def serve_until_interrupted(path: str, browser: bool, **options: Any) -> None:
 
 @contextlib.contextmanager
 def _redirecting_page(address: str) -> Iterator[Path]:
-    """Context with a temporary page, readable by this user alone, that leads to `address`.
+    """Context with a temporary page, readable only by this user, that leads to `address`.
 
-    Others can read the command line of the browser, and thus an address in it.
+    Other users can read the command line of the browser, and thus an address in it.
     """
     handle, name = tempfile.mkstemp(prefix="antiosc-", suffix=".html")  # of mode 0600
     path = Path(name)

@@ -1,4 +1,4 @@
-"""One thread computes for a page; it drops work that a later set-up has made needless."""
+"""One thread computes for a page, and drops work that a later set-up has made needless."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STALE_ANSWER: dict[str, Any] = {"stale": True}
 class WorkOvertaken(BaseException):
     """Stops work for which the page no longer waits.
 
-    It is no Exception, so that no computation catches it as one of its errors.
+    It is not an Exception, so that no computation catches it as an error.
     """
 
 
@@ -33,13 +33,13 @@ class PageWorker:
         self._began = time.monotonic()
 
     def next_turn(self) -> int:
-        """Begin a turn, which makes tasks of earlier ones stale; returns its number."""
+        """Begin a turn, which makes tasks of earlier turns stale; returns its number."""
         with self._lock:
             self.turn += 1
         return self.turn
 
     def close(self) -> None:
-        """Accept no further work; what is being computed ends at its next step."""
+        """Accept no further work; a running computation ends at its next step."""
         self._closed = True
         self._thread.shutdown(wait=False, cancel_futures=True)
 

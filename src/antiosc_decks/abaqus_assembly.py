@@ -47,7 +47,7 @@ class Instance(Scope):
         return self.assembly.set_spellings.setdefault(name.upper(), name)
 
     def rows(self, keyword: str, number_or_set: str, place: DeckPlace) -> IntArray:
-        """Rows of the node (NSET) or element (ELSET) with this number, or of the set so named."""
+        """Rows of the node (NSET) or element (ELSET) with this number, or of the set's members."""
         members = self.find(keyword, number_or_set)
         if members is None:
             noun = MEMBER_NOUNS[keyword]
@@ -75,7 +75,7 @@ class Instance(Scope):
         return rows if len(rows) else None
 
     def rows_by_number(self, keyword: str, rows_of: Callable[[Numbering], IntArray]) -> IntArray:
-        """Deck rows that `rows_of` finds in this instance; if none, in the assembly's only one."""
+        """Deck rows that `rows_of` finds in this instance, or else in an assembly's only one."""
         instances = list(self.assembly.instances.values())
         for instance in (self, *instances[1:2] * (not self.name and len(instances) == 2)):
             rows = rows_of(instance.mesh.nodes if keyword == "NSET" else instance.mesh.elements)
@@ -150,7 +150,7 @@ class AbaqusDeck:
         self.sets[key] = np.unique(np.concatenate([self.sets.get(key, NO_ROWS), *rows]))
 
     def read_set(self, card: Card) -> None:
-        """Read a card *NSET or *ELSET; at assembly level its members may lie in instances."""
+        """Read a card *NSET or *ELSET; at assembly level its members may belong to instances."""
         keyword = card.keyword
         name = card.required_option(keyword)
         scope = card.scope

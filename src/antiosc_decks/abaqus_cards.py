@@ -82,7 +82,7 @@ class Scope(ABC):
 
     @abstractmethod
     def rows(self, keyword: str, number_or_set: str, place: DeckPlace) -> IntArray:
-        """Rows of the node (NSET) or element (ELSET) with this number, or of the set so named."""
+        """Rows of the node (NSET) or element (ELSET) with this number, or of the set's members."""
 
     def nodes(self, number_or_set: str, place: DeckPlace) -> IntArray:
         """Rows of the node or node set that `number_or_set` names."""
@@ -95,7 +95,7 @@ class Scope(ABC):
         return int(nodes[0])
 
     def elements(self, number_or_set: str, place: DeckPlace) -> IntArray:
-        """Rows of the cell with this number, or of the cells of the element set so named."""
+        """Rows of the cell with this number, or of the cells of the element set of this name."""
         rows = self.rows("ELSET", number_or_set, place)
         return rows[rows < FIRST_NON_CELL_ROW]
 

@@ -160,7 +160,7 @@ def mean_edge(joints: DeckConstraints, surface: DeckFaces) -> float:
 
 
 def tie_nodes(joints: DeckConstraints, tied: Sequence[TiedNode], place: DeckPlace) -> None:
-    """Add constraints by which tied nodes follow their faces, in rotation too where both rotate."""
+    """Add constraints that make tied nodes follow their faces; also in rotation if both have it."""
     for node, leaders, weights in tied:
         with_rotations = bool(joints.has_rotations[node] and joints.has_rotations[leaders].all())
         followers = [(int(n), -float(w)) for n, w in zip(leaders, weights, strict=True)]
@@ -263,7 +263,7 @@ class _JointReader:
         return place.look_up(self.surfaces, name.upper(), message)
 
     def tie(self, card: Card) -> None:
-        """*TIE: slave nodes follow master faces by shape functions; those out of reach are told."""
+        """*TIE: slave nodes follow master faces by shape functions; reports nodes out of reach."""
         word = card.option("POSITIONTOLERANCE")
         tolerance = real_number(word, card.place) if word else None
         for row in card.rows():
@@ -296,10 +296,10 @@ class _JointReader:
                 (self.tied if count else self.open).append(text)
 
     def _tie_touching(self, first: DeckFaces, second: DeckFaces, place: DeckPlace) -> int:
-        """Tie two surfaces where they touch; return how many nodes are tied, 0 for a hinge.
+        """Tie two surfaces where they touch; return the number of tied nodes, 0 for a hinge.
 
-        The surface with more nodes on the other is the slave, mostly the finer one. Nodes on one
-        line would make a hinge: they are not tied.
+        The slave is the surface with more nodes on the other, usually the finer one. Nodes on one
+        line would make a hinge and are not tied.
         """
         joints = self.joints
         reach = TIE_REACH * min(mean_edge(joints, side) for side in (first, second) if side.faces)
@@ -406,7 +406,7 @@ class _JointReader:
         return True
 
     def rigid_body(self, card: Card) -> None:
-        """*RIGID BODY: nodes that follow a reference node; those of PINNSET= without rotation."""
+        """*RIGID BODY: nodes that follow a reference node; nodes of PINNSET= without rotation."""
         joints = self.joints
         place = card.place
         groups = [card.nodes(option) for option in ("NSET", "TIENSET") if card.option(option)]
@@ -519,6 +519,6 @@ def _motion_range(row: Row, first_field: int) -> list[int]:
 
 
 def _shortened_list(items: Sequence[str]) -> str:
-    """Some of the texts, and how many more there are."""
+    """The first of the texts, and the number of further ones."""
     more = f", and {len(items) - MAX_LISTED_PAIRS} more" * (len(items) > MAX_LISTED_PAIRS)
     return f"{', '.join(items[:MAX_LISTED_PAIRS])}{more}"

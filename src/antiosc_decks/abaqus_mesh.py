@@ -57,7 +57,7 @@ NON_CELLS = {
 
 
 class ElementType(NamedTuple):
-    """How one element type is read."""
+    """Rules for reading one element type."""
 
     #: a key of `CORNERS`
     shape: str
@@ -70,7 +70,7 @@ class ElementType(NamedTuple):
 
 
 def element_type(name: str) -> ElementType | None:
-    """How elements of the type `name` (upper case) are read; None if they are not cells."""
+    """Rules for reading elements of the type `name` (upper case); None if they are not cells."""
     for pattern, role, shapes in ELEMENT_TYPES:
         match = re.fullmatch(pattern, name)
         if match is None:
@@ -123,7 +123,7 @@ def mesh_of(cards: list[Card], name: str) -> AbaqusMesh:
 
 
 def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
-    """Fill `mesh` with the nodes of *NODE, by the *SYSTEM before them."""
+    """Fill `mesh` with the nodes of *NODE, in the coordinates of the *SYSTEM before them."""
     labels: list[int] = []
     points: list[list[float]] = []
     origin = np.zeros(3)
@@ -158,7 +158,7 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
 
 
 def _rectangular_coordinates(card: Card, rows: Sequence[Row]) -> Array:
-    """Rectangular coordinates (n, 3) of *NODE, whose cylindrical ones are (r, θ in degrees, z)."""
+    """Rectangular coordinates (n, 3) of *NODE; cylindrical ones are (r, θ in degrees, z)."""
     system = card.option("SYSTEM", "R").upper()
     known = "give rectangular or cylindrical coordinates."
     card.needs(system in ("R", "C"), f"*NODE, SYSTEM={system}: {known}")
@@ -172,7 +172,7 @@ def _rectangular_coordinates(card: Card, rows: Sequence[Row]) -> Array:
 def _local_system(card: Card) -> tuple[Array, Array]:
     """(origin, axes as rows) of *SYSTEM: the origin, a point on x, a point on the side of y.
 
-    Without the third point z remains that of the part; without the second all axes remain.
+    Without the third point, z is the part's z axis; without the second, all axes are the part's.
     """
     origin, x = np.reshape(card.first().reals(6), (2, 3))
     if len(card.first().fields) < 4:

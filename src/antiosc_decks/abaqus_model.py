@@ -1,4 +1,4 @@
-"""Abaqus and CalculiX decks as whole models: the model and the supports of the first step."""
+"""Abaqus and CalculiX decks as whole models, with the supports of the first step."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def _fix_boundary(builder: ModelBuilder, card: Card) -> None:
 
 
 def _set_motion_axes(builder: ModelBuilder, card: Card) -> None:
-    """*TRANSFORM: the axes in which the motions of nodes are counted."""
+    """*TRANSFORM: the axes of the motions of nodes."""
     nodes = card.nodes("NSET")
     values = card.numbers()[:6]
     card.needs(len(values) == 6, "*TRANSFORM needs six coordinates.")
@@ -162,7 +162,7 @@ def _add_link(
 
 
 def _motion_terms(nodes: list[int], axes: Array, row: Row) -> list[MotionTerm]:
-    """Terms of the motion of a node that `row` numbers along `axes`, or the difference of two."""
+    """Terms of a node's motion along `axes`, with the number in `row`, or a difference of two."""
     dofs = [row.integer(k) - 1 for k in range(len(nodes))]
     is_valid = all(0 <= dof < 6 for dof in dofs)
     row.needs(is_valid, "a spring or a dashpot acts on motions from 1 to 6.")

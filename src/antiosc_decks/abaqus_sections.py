@@ -79,7 +79,7 @@ def _set_elasticity(material: Material, card: Card) -> str:
 
 
 class Orientations:
-    """The *ORIENTATION cards of a deck; those of a part turn with each of its instances."""
+    """The *ORIENTATION cards of a deck; cards of a part rotate with each of its instances."""
 
     def __init__(self, cards: Iterable[Card]) -> None:
         self._cards = {
@@ -310,7 +310,7 @@ class Sections:
     def _zero_direction(self, card: Card, elements: IntArray, normal_angle: float) -> Array:
         """Direction of 0° in each element (n, 3): ORIENTATION=, else x, else z.
 
-        z where x is within `normal_angle` degrees of the normal.
+        z is used where x is within `normal_angle` degrees of the normal.
         """
         name = card.option("ORIENTATION")
         if name:

@@ -1,4 +1,4 @@
-"""`ModelBuilder` collects the model of a deck; nonstructural mass is density of sections."""
+"""`ModelBuilder` collects the model of a deck; nonstructural mass becomes density of sections."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ class ModelBuilder:
         self.gone &= ~self.used
 
     def complete_elasticity(self, material: Material) -> None:
-        """Give a material without elasticity the modulus that the caller gave for such ones."""
+        """Give a material without elasticity the modulus that the caller gave for this case."""
         given = (material.constants, material.stiffness, material.plane_stiffness)
         if self.defaults.modulus is not None and all(numbers is None for numbers in given):
             material.set_isotropic(self.defaults.modulus / self.units.stress, DEFAULT_POISSON)
@@ -185,7 +185,7 @@ class ModelBuilder:
         return arguments | {"thickness": thickness * self.units.length}
 
     def add_section(self, name: str, elements: IntArray, section: GroupSection) -> None:
-        """Set the section of elements, the group `name`, in place of an earlier one."""
+        """Set the section of elements, the group `name`; it replaces an earlier section."""
         self.of_element[elements] = len(self.families)
         self.families.append(section)
         self.names.append(name)
@@ -221,11 +221,11 @@ class ModelBuilder:
         self.add_section(name, elements, family._replace(arguments=arguments))
 
     def report_once(self, property_text: str, of: str = "") -> None:
-        """Report an ignored property once: the cards `of` of all calls stand in place of "{}"."""
+        """Report an ignored property once; "{}" is replaced by the cards `of` of all calls."""
         self._told.setdefault(property_text, {})[of] = None
 
     def ignored_texts(self) -> list[str]:
-        """Texts of all that is ignored."""
+        """Texts on all ignored content."""
         once = [text.replace("{}", cards_text([*of])) for text, of in self._told.items()]
         return [*self.ignored, *once]
 
@@ -238,8 +238,8 @@ class ModelBuilder:
     def apply_local_supports(self) -> None:
         """Turn motions fixed along local axes into supports or constraints; tie copies.
 
-        Axes near x, y, z are taken for these. The nodes of repeated elements follow the original
-        ones.
+        Axes near x, y, z are replaced by these. The nodes of repeated elements follow the original
+        nodes.
         """
         for node, frame in self.joints.motion_axes.items():
             self.fixed[node] = self.joints.fix_along(node, self.fixed[node], frame)

@@ -73,11 +73,12 @@ class DeckConstraints:
         return self.deck.points[node] if node < count else self.added_points[node - count]
 
     def actual(self, node: int, motion: int) -> tuple[int, int]:
-        """The (node, motion) for which a motion stands; itself if it has no alias."""
+        """The (node, motion) that a motion is an alias of; the motion itself if it is no alias."""
         return self.motion_alias.get((node, motion), (node, motion))
 
     def add_equation(self, terms: Iterable[MotionTerm], place: DeckPlace) -> None:
-        """Add Σ coefficient × motion = 0; motions of nodes with local axes are along these."""
+        """Add Σ coefficient × motion = 0; motions of nodes with local axes are along the local
+        axes."""
         parts = ((c, *part) for n, m, c in terms for part in self._global_terms(n, m))
         self._add_global_equation([(*motion, c * value) for c, motion, value in parts], place)
 
@@ -120,7 +121,7 @@ class DeckConstraints:
     def elongation_terms(
         self, a: int, b: int, place: DeckPlace, first: int = 0
     ) -> tuple[list[MotionTerm], float]:
-        """(terms of the elongation, or if `first` is 3 of the twist, of a line; its length)."""
+        """(terms of a line's elongation, or of its twist if `first` is 3; its length)."""
         line = self.place(b) - self.place(a)
         length = float(np.linalg.norm(line))
         place.require(length != 0, "the ends of an element coincide, so that it has no direction.")
@@ -152,7 +153,7 @@ class DeckConstraints:
     def leader_point(self, node: int, rotation_node: int | None = None) -> int:
         """Number of a point with six motions at a node.
 
-        The displacements of `rotation_node` stand for the rotations of this point.
+        The displacements of `rotation_node` represent the rotations of this point.
         """
         point = self.leader_points.get(node, node)
         if point == node and self._is_used(node) and not self.has_rotations[node]:
@@ -256,7 +257,8 @@ class DeckConstraints:
                 self._add_global_equation(terms, place)
 
     def keep_terms(self, stays: Callable[[list[MotionTerm]], bool]) -> int:
-        """Remove constraints, springs, dampers, masses whose terms fail `stays`; count these."""
+        """Remove constraints, springs, dampers and masses whose terms fail `stays`; return their
+        number."""
         count_before = len(self.all_terms())
         self.equations = [terms for terms in self.equations if stays(terms)]
         self.springs = [element for element in self.springs if stays(element[0])]
@@ -327,7 +329,7 @@ MAX_LISTED_PIECES, MAX_NAMED_PIECES, MAX_PIECE_SETS = 40, 6, 3
 
 
 def piece_mask(deck: Deck, chosen: BoolArray, length: float) -> BoolArray:
-    """Mask of those `chosen` elements that are of the piece `deck.piece`; `length`: m per unit."""
+    """Mask of the `chosen` elements in the piece `deck.piece`; `length`: metres per unit."""
     from antiosc.io.reading import described_pieces  # with scipy, for pieces alone
 
     tables = [block.corners[chosen[rows]] for block, rows in deck.numbered()]
@@ -366,8 +368,8 @@ def count_pieces(
 ) -> tuple[int, bool]:
     """(number of pieces that nothing joins, whether there are several and each is supported).
 
-    `x` (n, 3): coordinates of nodes and points; `exists`, `fixed` (n, 6): motions that exist, that
-    are fixed; `constraints`: terms of each constraint and spring.
+    `x` (n, 3): coordinates of nodes and points; `exists`, `fixed` (n, 6): existing and fixed
+    motions; `constraints`: terms of each constraint and spring.
     """
     tables = [np.hstack([block.corners, block.mids]) for block in deck.blocks]
     tables += [np.array([[node for node, _, _ in terms]]) for terms in constraints if terms]
@@ -439,7 +441,7 @@ def separate_copies(deck: Deck) -> list[tuple[int, int]]:
 
 
 def _repeat_counts(blocks: list[Block]) -> list[IntArray]:
-    """For each block: how many earlier elements have the same corners as each of its elements."""
+    """By block and element: number of earlier elements with the same corners."""
     ranks = [np.zeros(len(block), dtype=np.int64) for block in blocks]
     for shape in {block.shape for block in blocks}:
         members = [k for k, block in enumerate(blocks) if block.shape == shape]

@@ -176,8 +176,8 @@ def _pieces_and_supports(
 ) -> tuple[int, bool]:
     """(number of pieces of the deck, whether there are several and each is supported).
 
-    `motion_count`: motions of a node, 2, 3 or 6; `fixed_points`: motions that are fixed of points
-    of no element.
+    `motion_count`: motions of a node, 2, 3 or 6; `fixed_points`: fixed motions of points of no
+    element.
     """
     joints = builder.joints
     nodes = len(builder.deck.points)
@@ -318,7 +318,7 @@ def _refuse_uncovered(builder: ModelBuilder) -> None:
 def _support_groups(builder: ModelBuilder, motion_count: int) -> list[tuple[str, list[str]]]:
     """[(group, [motion])], one group of fixed nodes for each motion of a node.
 
-    One group for each, since an edge is fixed where all its nodes are.
+    Motions have separate groups, since an edge is fixed where all its nodes are.
     """
     fixed = builder.fixed[:, :motion_count] & builder.used[:, None]
     motions = [k for k in range(motion_count) if fixed[:, k].any()]
@@ -369,7 +369,7 @@ def _fix_middle_nodes(builder: ModelBuilder) -> None:
 def _needs_two_meshes(deck: Deck) -> bool:
     """Whether quadrilaterals and the few triangles beside them become two meshes.
 
-    So they do without solids.
+    They do if there are no solids.
     """
     if any(DIMENSION[block.shape] == 3 for block in deck.blocks):
         return False

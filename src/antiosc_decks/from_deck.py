@@ -91,7 +91,7 @@ def join_parts(
 ) -> Structure:
     """Assemble the parts of a deck with its joints.
 
-    `numbers`: part -> the deck's number of each node; `supports` may name groups of any part.
+    `numbers`: the deck's node numbers by part; `supports` may name groups of any part.
     """
     joints = model["joints"]
     points = {point_name(-1 - k): x for k, x in enumerate(joints["points"])}
@@ -173,66 +173,66 @@ def read_model(
         slug), or metres per unit of length (forces in N). Masses and densities follow: force =
         mass × length / s².
     supports, attached
-        Added to those of the deck.
+        Supports and attachments in addition to the deck's.
     density
-        Density in kg/m³ of materials that state none.
+        Density in kg/m³ of materials without a density.
     modulus
-        Young's modulus in Pa of materials that state no elasticity, as those of thermal analyses;
-        their Poisson's ratio is 0.3.
+        Young's modulus in Pa of materials without elasticity, such as in thermal analyses; their
+        Poisson's ratio is 0.3.
     yield_strength
         Yield strength in Pa of all isotropic materials, which decks do not state; margins and
-        contacts that yield need it. It grows with the strain rate, in the error of the contact's
-        law, as that of the material of the table with like E and density. Or the name of a material
-        of the table (`antiosc materials`), whose strength and range they get.
+        yielding contacts need it. In the error of the contact law it grows with the strain rate as
+        for the material of the table with similar E and density. Or the name of a material of the
+        table (`antiosc materials`), which gives strength and range.
     yield_range
-        Lowest and highest yield strength of batches of these materials, Pa; of a name its own.
+        Lowest and highest yield strength of batches of these materials, Pa; default for a name:
+        its own range.
     merge, timeout, comm
-        As for `read_mesh`. The elements are those of the deck.
+        As for `read_mesh`. The elements are not changed.
     parts
         Names of parts, instances or sets of elements: only these are read. Constraints, springs
-        and masses on nodes of other elements alone are left out; a warning counts them.
+        and masses that act only on nodes of other elements are left out; a warning counts them.
     piece
         Number of the piece to be read, if the elements form pieces without a common node: 1 for
         the largest, 2 for the next; the others are left out. Without it, several pieces are read
         if each of them is supported.
     contact
-        Of the contact pairs of an Abaqus or CalculiX deck: "tied" joins those that touch at first,
-        as the card TIE does, "apart" leaves all contact out. A joint that stays pressed together is
-        nearer to the first, one that opens or slides is between both. Contact of one piece that is
-        read is left out.
+        For contact pairs of an Abaqus or CalculiX deck: "tied" joins pairs that touch at first, as
+        the card TIE does; "apart" leaves all contact out. A joint that stays pressed together is
+        closer to "tied"; a joint that opens or slides is between both. Contact of a single piece
+        that is read is left out.
     free
         Whether to leave out the supports of the deck, as for a fall or an impact in flight.
     root
-        Folder of the files that the deck may include; by default that of the deck, or the one above
-        it where both are the user's own.
+        Folder of the files that the deck may include; default: the folder of the deck, or its
+        parent if the user owns both.
     solver
         As for `Structure`.
 
     The mesh's groups are the deck's sets; supports fix the motions that the deck fixes in its model
-    and in its first step. B32 become two straight `Beam` elements each; a layered or orthotropic
-    shell becomes a `Laminate`, one whose layers are of one isotropic material a `Shell`.
+    and in its first step. A B32 element becomes two straight `Beam` elements. A layered or
+    orthotropic shell becomes a `Laminate`, with layers of one isotropic material a `Shell`.
 
     Solids, shells and beams with common nodes, and elements joined by equations, multi-point
     constraints, rigid bodies, couplings, ties and springs, become one assembly of up to four parts:
-    "solids", "faces", "triangles" (the few beside quadrilaterals) and "beams" (`Site(...,
+    "solids", "faces", "triangles" (a few in a mesh of quadrilaterals) and "beams" (`Site(...,
     part=...)`). Constraints are linear, for small motions. If they determine all nodes of an edge
     or a face of an element, the whole edge or face follows by the element's shape functions; if
-    they tie these nodes to one element at the same place, it follows that element's displacement.
+    they tie these nodes to one element at the same place, it follows this element's displacement.
 
     Raises
     ------
     MeshError
-        As `read_mesh`; elements without a section, materials without elasticity or density, names
-        of nodes, elements and sets that the deck does not define, and unsupported content that
-        would change the result: general contact, element types that no family carries. The message
-        names the line.
+        As `read_mesh`; elements without a section, materials without elasticity or density,
+        undefined nodes, elements and sets, and unsupported content that would change the result:
+        general contact, unsupported element types. The message names the line.
 
     Warns
     -----
     AntioscWarning
-        Content of the deck that is ignored: loads, steps, nonlinear materials; cards and options
-        that are unknown here; sets with missing members; sets of supports that are not selected.
-        Each with its count and its lines.
+        Ignored content of the deck, with counts and lines: loads, steps, nonlinear materials;
+        unknown cards and options; sets with missing members; sets of supports that are not
+        selected.
     """
     checks.instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     file = checks.path("path", path)
@@ -301,7 +301,7 @@ def _families_of_groups(raw: RawMesh, strength: Strength) -> dict[str, Family]:
 
 
 def _cells_of_kind(content: FileMesh, part: str) -> FileMesh:
-    """A deck with the cells of one part alone, their groups and the supports on them."""
+    """A deck with only the cells of one part, their groups and the supports on them."""
     mark = fixed_group_name("", part)
     groups = {n: {part: parts[part]} for n, parts in content.groups.items() if part in parts}
     fixed = {n.removesuffix(mark): e for n, e in content.fixed.items() if n.endswith(mark)}
@@ -374,7 +374,7 @@ def _reader(
 
 
 def _choices_text(raw: RawMesh) -> str:
-    """Text that names the arguments of `read_model` which choose a part of a deck."""
+    """Text on the arguments of `read_model` that choose a part of a deck."""
     sets = {name: len(members.get(raw.kind.dim, ())) for name, members in raw.groups.items()}
     names = [repr(name) for name, count in sets.items() if 0 < count < len(raw.cells)]
     sets_text = f"; parts names sets: {', '.join(names[:8])}{', …' * (len(names) > 8)}"
@@ -421,7 +421,7 @@ class Strength(NamedTuple):
 
     @classmethod
     def of(cls, value: float | str | None, ends: tuple[float, float] | None) -> Strength:
-        """The strength by the arguments `yield_strength` and `yield_range` of `read_model`."""
+        """The strength from the arguments `yield_strength` and `yield_range` of `read_model`."""
         rate = None
         if isinstance(value, str):
             named = yielding_record(value)
@@ -431,7 +431,7 @@ class Strength(NamedTuple):
         return cls(value, None if ends is None else checks.strength_range(ends, value), rate)
 
     def options(self, family: Callable[..., Family], E: float) -> dict[str, object]:
-        """The arguments of a family that state the strength of its material."""
+        """The arguments of a family that give the strength of its material."""
         if self.value is None or "yield_strength" not in signature(family).parameters:
             return {}
         rate = self.rate
@@ -441,7 +441,7 @@ class Strength(NamedTuple):
 
 
 def _one_strength_text(raws: Iterable[RawMesh], strength: Strength, name: str) -> str:
-    """Sentence that several materials of a deck get the one strength given; else ""."""
+    """Sentence if several materials of a deck get the same given strength; else ""."""
     groups: list[dict[str, Any]] = [_families_of_groups(raw, strength) for raw in raws]
     families = [family for group in groups for family in group.values()]
     strong = {(one.E, one.rho) for one in families if getattr(one, "yield_strength", None)}

@@ -4,14 +4,14 @@ DMIG addresses entries by grid points and components: a header card (name, 0, fo
 each column a card with its grid point and component, followed by groups of grid point, component
 and value. Form 6 stores one triangle. MSC Nastran, *Quick Reference Guide*, DMIG.
 
-Harwell–Boeing, as Ansys HBMAT writes it, has the columns of a matrix in fixed Fortran fields. Duff,
+Harwell–Boeing files of Ansys HBMAT store the columns of a matrix in fixed Fortran fields. Duff,
 Grimes and Lewis, *Users' guide for the Harwell–Boeing sparse matrix collection*, 1992.
 
 OUTPUT4 stores matrices by columns, as text or binary, dense or sparse. Every matrix has a header
 (columns, rows, form, type, name), then records of columns: (column, first row, words) and values.
 With first row 0 the column is a list of strings, each with its own length and row: in one word
-(rows below 65536), or in two where the number of rows is negative ("BIGMAT"). A record of column
-+ 1 ends the matrix. MSC Nastran, *Reference Guide*, OUTPUT4.
+(rows below 65536), or in two if the number of rows is negative ("BIGMAT"). A record of the last
+column + 1 ends the matrix. MSC Nastran, *Reference Guide*, OUTPUT4.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ _FORTRAN_FORMAT = re.compile(r"\((?:\d*P,?)?(\d*)([IEDFG])(\d+)(?:\.(\d+))?(?:E\
 
 
 def is_harwell_boeing(content: bytes) -> bool:
-    """Whether the third line is that of a Harwell–Boeing file."""
+    """Whether the third line has the form of a Harwell–Boeing file."""
     lines = content[:2000].splitlines()
     card = rb"[RCPrcp][A-Za-z]{2}\s+\d+\s+\d+\s+\d+"
     return len(lines) >= 4 and re.match(card, lines[2]) is not None

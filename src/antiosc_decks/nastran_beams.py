@@ -294,7 +294,7 @@ BEAM_SHAPES: dict[str, Callable[..., profiles.Profile | Walls]] = {
 
 
 class BeamEnd(NamedTuple):
-    """The end node of a beam that lies off its grid point, and how it follows this point."""
+    """The end node of a beam away from its grid point, and the motions in which it follows it."""
 
     #: row of the end node
     row: int
@@ -309,7 +309,7 @@ class BeamEnd(NamedTuple):
 
 
 def separate_ends(deck: NastranDeck) -> list[BeamEnd]:
-    """Give offset and released beams end nodes of their own, which are to be joined."""
+    """Give offset and released beams their own end nodes, which must be joined later."""
     beams = deck.entries_named(*BEAM_PROPERTIES)
     neutral_axes = {beam.integer(0): BeamProfiles(beam).neutral for beam in beams}
     ends: list[BeamEnd] = []
@@ -351,9 +351,9 @@ def join_ends(builder: ModelBuilder, ends: list[BeamEnd]) -> None:
 def _ends_of(
     deck: NastranDeck, entry: Entry, nodes: list[int], neutral: Array
 ) -> dict[int, tuple[Array, tuple[int, ...], Array]]:
-    """Ends (0, 1) of a beam that need nodes of their own -> (place, motions that follow, axes).
+    """(place, motions that follow, axes) by the end (0, 1) of a beam that needs its own node.
 
-    `neutral` (2, 2): how far the neutral axis lies off at both ends, along height and width.
+    `neutral` (2, 2): offsets of the neutral axis at both ends, along height and width.
     """
     pins = [motions_of(entry.text(k), entry.place) for k in (8, 9)]
     offsets = offsets_of(deck, entry)

@@ -59,7 +59,7 @@ class Entry(DeckItem):
         return self.text(k)
 
     def integer(self, k: int, default: int | None = None) -> int:
-        """Field `k` as an integer; MeshError if it is none, or blank without a default."""
+        """Field `k` as an integer; MeshError if it is not one, or blank without a default."""
         if default is not None and not self.text(k):
             return default
         return whole_number(self._required_text(k), self.place)
@@ -76,7 +76,7 @@ class Entry(DeckItem):
         return self.place.look_up(known, number, f"{self.name} has no {name} {number}.")
 
     def real(self, k: int, default: float | None = 0.0) -> float:
-        """Field `k` as a number; MeshError if it is none, or blank without a default."""
+        """Field `k` as a number; MeshError if it is not a number, or blank without a default."""
         if default is not None and not self.text(k):
             return default
         return real_number("".join(self._required_text(k).split()), self.place)
@@ -332,7 +332,7 @@ def thru_ranges(words: list[str], place: DeckPlace) -> Iterator[tuple[int, int]]
 
 
 class CellFormat(NamedTuple):
-    """How an element that is a cell of a mesh is read; fields are counted from 0."""
+    """Rules for reading an element that is a cell of a mesh; fields count from 0."""
 
     #: a key of `antiosc.io.neutral.EDGES`
     shape: str

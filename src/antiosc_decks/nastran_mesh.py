@@ -178,7 +178,7 @@ class NastranDeck:
         return self.row(entry.integer(k), entry.place)
 
     def properties(self, name: str) -> dict[int, Entry]:
-        """Number of a property -> its entry."""
+        """Entries of properties by number."""
         return {entry.integer(0): entry for entry in self.entries_named(name) if entry.text(0)}
 
     def property_numbers(self) -> IntArray:
@@ -291,7 +291,7 @@ def _read_nodes(bulk: BulkData, name: str) -> NastranDeck:
 
 
 def defined_once(entries: list[Entry], noun: str) -> dict[int, Entry]:
-    """Number -> its entry; MeshError if two entries of one number differ."""
+    """Entries by number; MeshError if two entries of one number differ."""
     first: dict[int, Entry] = {}
     for entry in entries:
         earlier = first.setdefault(entry.integer(0), entry)

@@ -1,4 +1,4 @@
-"""Nastran decks as whole models: the model, and the supports of the first subcase."""
+"""Nastran decks as whole models, with the supports of the first subcase."""
 
 from __future__ import annotations
 
@@ -190,7 +190,7 @@ class NastranJoints:
                 builder.add_scalar_mass(terms, value * self.mass_factor, share * self.mass_factor)
 
     def _add_bush(self, entry: Entry, prop: Entry) -> None:
-        """Add springs and dampers at one place; those of CBUSH have rigid arms."""
+        """Add springs and dampers at one place; CBUSH has rigid arms."""
         constants = self._bush_constants(entry.name, prop)
         on_line = entry.name == "CBUSH1D"  # between its nodes, without lever arms
         if on_line:  # the system is in another field
@@ -249,7 +249,7 @@ class NastranJoints:
         return values["K"], values["B"]
 
     def _bush_axes(self, entry: Entry, acts: list[bool], x: Array, place: Array) -> Array:
-        """Axes (3, 3), as rows: of the system CID, of the line between the nodes, or the deck's.
+        """Axes (3, 3), as rows: the system CID, axes of the line between the nodes, or the deck's.
 
         `acts` (6,): motions with a spring; `x`: the ends (1 or 2, 3); `place` (3,): of the springs.
         """

@@ -291,7 +291,7 @@ class Properties:
     ) -> Json:
         """Arguments of `GivenSheet` for a PSHELL; `share` is TS/T.
 
-        A = T Q, D = (12I/T³) T³/12 Q, S = TS G, Q being the plane-stress stiffness.
+        A = T Q, D = (12I/T³) T³/12 Q, S = TS G, where Q is the plane-stress stiffness.
         """
         ratio = entry.real(4, 1.0)
         core = self._material_in_field(entry, 5) if entry.text(5) else material
@@ -368,7 +368,7 @@ class Properties:
         self.builder.add_shells(name, elements, family, offset, axes)
 
     def _zero_direction(self, element: int, normal: Array) -> Array:
-        """Direction of 0° in an element: its first side rotated by THETA, or x of MCID."""
+        """Direction of 0° in an element: its first side rotated by THETA, or the x axis of MCID."""
         entry = self.nastran.elements[element]
         theta_field = CELL_FORMATS[entry.name].theta
         word = entry.text(theta_field)

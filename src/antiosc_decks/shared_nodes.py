@@ -1,10 +1,10 @@
 """Meshes that share nodes, numbered nodes of decks, and constraints between them.
 
-The elements here have more dofs than a deck's, at places between the deck's nodes. If constraints
-determine all nodes of an edge or a face of a cell, the dofs between these nodes follow by the shape
-functions of the deck's element; if all nodes can only slide across one direction, so can the dofs
-between them; if all lie on one cell to which they are tied, the dofs between them follow that cell.
-A beam bends between its nodes: its dofs follow only if both nodes belong to one rigid body.
+The elements here have more dofs than the deck's elements, at places between the deck's nodes. If
+constraints determine all nodes of an edge or a face of a cell, the dofs between these nodes follow
+by the shape functions of the deck's element. If all nodes can only slide across one direction, so
+can the dofs between them. If all nodes are tied to one cell, the dofs between them follow this
+cell. A beam bends between its nodes: its dofs follow only if both nodes belong to one rigid body.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class NumberedMesh:
 
     @cached_property
     def cell_of_node(self) -> dict[int, tuple[int, int]]:
-        """Number of a node -> (a cell, index of the node in that cell)."""
+        """(cell, index of the node in it) by node number."""
         _, first = np.unique(self.numbers, return_index=True)
         flat = self.numbers.ravel()
         width = self.numbers.shape[1]
@@ -76,7 +76,7 @@ class NumberedMesh:
     def motion_matrix(
         self, layout: Layout, numbers: Sequence[int], names: tuple[str, ...]
     ) -> Sparse:
-        """Displacements or rotations (3 nodes, n) of nodes in the assembly's axes, by n dofs."""
+        """Functionals (3 nodes, n): displacements or rotations of nodes in the assembly's axes."""
         cells, local = np.array([self.cell_of_node[number] for number in numbers]).T
         return layout.at_points(self.member, cells, self.reference_points[local], names)
 
@@ -88,7 +88,7 @@ class NumberedMesh:
 
     @cached_property
     def cells_around(self) -> dict[int, set[int]]:
-        """Number of a vertex -> cells around it."""
+        """Cells around each vertex, by its number."""
         neighbours: dict[int, set[int]] = {}
         for cell, row in enumerate(self.vertices):
             for number in row:
@@ -104,7 +104,7 @@ class NumberedMesh:
 
 
 class AssemblyNodes:
-    """The numbered nodes of an assembly: the part, the cell and the place in it of each."""
+    """The numbered nodes of an assembly, each with its part, cell and place in the cell."""
 
     def __init__(
         self, layout: Layout, points: Sequence[str], numbers: Mapping[str, IntArray]
@@ -117,7 +117,7 @@ class AssemblyNodes:
         self.fixed = np.zeros(layout.count, dtype=bool)
 
     def _owner(self, number: int, rotations: bool) -> tuple[int, int, int]:
-        """(part, cell, index in the cell) of a node, of a part that rotates if needed."""
+        """(part, cell, index in the cell) of a node; with `rotations` in a part that has them."""
         for index, mesh in enumerate(self.meshes):
             if number in mesh.cell_of_node and (mesh.member.has_rotations or not rotations):
                 return index, *mesh.cell_of_node[number]
@@ -195,13 +195,13 @@ InterpolatedDof = tuple[int, list[int], Array]
 
 
 class DofsBetween:
-    """Constraints by which dofs between the deck's nodes follow these nodes.
+    """Constraints that make dofs between the deck's nodes follow these nodes.
 
     `equations`: terms of the constraints of the nodes; `functionals`: the same, as rows over all
     dofs; `among`: the nodes that were added to those of the deck.
 
-    Where *TIE, or equations between coincident nodes, tie all nodes of an edge or a face to one
-    cell at their own place, the dofs between them follow that cell's displacement there.
+    If *TIE or equations between coincident nodes tie all nodes of an edge or a face to one cell at
+    their own place, the dofs between them follow this cell's displacement there.
     """
 
     def __init__(
@@ -279,7 +279,7 @@ class DofsBetween:
                 yield int(dofs[position, d]), list(shares), np.array(list(shares.values()))
 
     def _deck_weights(self, numbers: IntArray, weights: Array) -> dict[int, float]:
-        """Node of the deck -> weight; an added node counts as the deck's nodes that place it."""
+        """Weights by node of the deck; an added node is replaced by the nodes that define it."""
         result: dict[int, float] = {}
         for number, weight in zip(numbers.tolist(), weights.tolist(), strict=True):
             for node, share in self.among.get(number, ((number, 1.0),)):
@@ -312,7 +312,7 @@ class DofsBetween:
             yield _sum_of_rows(terms)
 
     def _tied_rows(self, dofs: Sequence[InterpolatedDof], motion: int) -> dict[int, MatrixRow]:
-        """Dof -> row of the motion at its place in the one cell to which all its nodes are tied."""
+        """Row of the motion at each dof's place in the one cell to which all its nodes are tied."""
         by_mesh: dict[int, list[tuple[int, int, Array]]] = {}
         for dof in dofs:
             for k, cell, X in self._tied_places(dof, motion):
@@ -361,7 +361,7 @@ class DofsBetween:
         return owners[-1].position(number) if owners else np.full(3, np.nan)
 
     def _in_one_body(self, numbers: Sequence[int]) -> bool:
-        """Whether all motions of the nodes follow one point, which may be one of them."""
+        """Whether all motions of the nodes follow one point, which may be one of the nodes."""
         leaders: set[int] = set()
         followers: list[set[int]] = []
         for motion in (0, 1, 5) if self.nodes.layout.plane else range(6):
@@ -374,8 +374,8 @@ class DofsBetween:
     def _is_determined(self, numbers: Sequence[int], motion: int) -> bool:
         """Whether constraints or supports determine a motion of all these nodes.
 
-        They do if every independent node is fixed, or if each dependent node follows all
-        independent ones.
+        This holds if every independent node is fixed, or if each dependent node follows all
+        independent nodes.
         """
         rows = self.dependent[motion]
         dependent = [n for n in numbers if n in rows]
@@ -429,7 +429,7 @@ class SharedNodes(Joint):
     name: str | None = "shared nodes"
 
     def constraints(self, layout: Layout, held: Constraints, label: str) -> list[Rows]:
-        """Constraints by which the shared dofs of a part follow those of an earlier part."""
+        """Constraints that make shared dofs of a part follow those of an earlier part."""
         members = layout.members.values()
         ordered = sorted(members, key=lambda m: (m.part.form.degree, -m.part.mesh.tdim))
         meshes = [NumberedMesh(m, self.numbers[m.name]) for m in ordered]
@@ -442,7 +442,7 @@ class SharedNodes(Joint):
 def _follower_constraints(
     layout: Layout, follower: NumberedMesh, leaders: Sequence[NumberedMesh]
 ) -> list[Rows]:
-    """Constraints by which a part follows earlier parts at shared nodes."""
+    """Constraints that make a part follow earlier parts at shared nodes."""
     constraints: list[Rows] = []
     for names in (DISPLACEMENTS, ROTATIONS):
         followed: set[int] = set()
@@ -458,7 +458,7 @@ def _follower_constraints(
 def _shared_nodes(
     follower: NumberedMesh, leader: NumberedMesh, followed: set[int]
 ) -> dict[int, int]:
-    """Node of the follower -> cell of the leader that contains it; without nodes in `followed`."""
+    """Cell of the leader by node of the follower in it; without nodes in `followed`."""
     member = follower.member
     space = member.part.form.space
     (path, *_) = member.part.form.components.values()
@@ -489,7 +489,7 @@ def _shared_nodes(
 def _tied_nodes(
     layout: Layout, follower: Member, leader: Member, where: dict[int, int], names: tuple[str, ...]
 ) -> Rows:
-    """Constraints by which nodes of one part follow the cells of another that contain them."""
+    """Constraints that make nodes of a part follow the cells of another that contain them."""
     nodes = np.array(list(where))
     cells = np.array(list(where.values()))
     geometry = leader.part.mesh.geometry
@@ -555,7 +555,7 @@ class NodeConstraints(Joint):
 
 
 def _middle_node_constraints(nodes: AssemblyNodes) -> Sparse:
-    """Constraints by which a vertex of one part follows the part of which it is a middle node."""
+    """Constraints that make a vertex of a part follow the part whose middle node it is."""
     layout = nodes.layout
     rows = [layout.zeros(0)]
     for mesh, other in permutations(nodes.meshes, 2):

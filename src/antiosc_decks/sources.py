@@ -1,7 +1,7 @@
 """Lines of a deck and of the files that it includes, and the treatment of each of its cards.
 
-The tables of the dialects say whether a card is read, harmless or refused. All others are ignored,
-and reported with their count and lines.
+The tables of the dialects say whether a card is read, harmless or refused. All other cards are
+ignored, and reported with their count and lines.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MAX_DECK_BYTES = 4 * 2**30
 
 
 class Sources:
-    """The files of a deck: those that it includes must lie below the folder `root`.
+    """The files of a deck; included files must be below the folder `root`.
 
     `on_size` is called with the size of all files read so far, in bytes.
     """
@@ -117,7 +117,7 @@ FOLDER_VARIABLE = "ANTIOSC_FOLDER"
 
 
 def _include_root(path: Path) -> Path:
-    """Folder of all files that a deck may include: its own, or its parent if the user owns both."""
+    """Folder of the files that a deck may include: its own, or the parent if the user owns both."""
     folder = path.resolve().parent
     top = os.environ.get(FOLDER_VARIABLE)
     if top is not None and not folder.parent.is_relative_to(top):
@@ -135,14 +135,14 @@ MAX_LISTED_LINES = 4
 
 
 class Fate(NamedTuple):
-    """Treatment of a card: its kind, and a text on a refused card, or a remark."""
+    """Treatment of a card: its kind, and a remark or the text for a refused card."""
 
     kind: FateKind = "ignored"
     text: str = ""
 
 
 def fate_table(*, refused: Mapping[str, str], **names: Iterable[str]) -> dict[str, Fate]:
-    """Name of a card -> fate; `refused`: text on refused cards ("what: remedy") -> their names."""
+    """Fates by name of the card; `refused`: names of cards by their text ("what: remedy")."""
     fates: dict[str, Fate] = {}
     for kind, names_of_kind in names.items():  # read, harmless, ignored
         fates |= dict.fromkeys(names_of_kind, Fate(kind))  # type: ignore[arg-type]
@@ -168,7 +168,7 @@ class Account:
     options: list[tuple[str, DeckPlace, Fate]] = field(default_factory=list)
 
     def refuse(self, contact: Collection[str], deck: Deck) -> None:
-        """MeshError for the first card or option refused; PiecesError for those of `contact`."""
+        """MeshError for the first refused card or option; PiecesError if it is in `contact`."""
         left: list[tuple[str, DeckPlace, Fate]] = []
         for name, place, fate in [*self.cards, *self.options]:
             between = name.replace(" ", "") in contact

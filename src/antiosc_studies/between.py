@@ -1,6 +1,4 @@
-"""`contact_between`: the contact law of a part and another body whose surface the caller
-describes.
-"""
+"""`contact_between`: the contact law of a part and another body with a known surface."""
 
 from __future__ import annotations
 
@@ -36,12 +34,12 @@ def contact_between(
     ----------
     part : Structure, or a model with its surface
     other : Sphere, RigidMass, a model, a material or its name, Floor or Structure, optional
-        The body that touches the part. A material stands for the flat face of a half-space, a
-        structure for its surface next to the point. None: a rigid plane.
+        The body that touches the part. A material means the flat face of a half-space, a structure
+        its surface nearest to the point. None: a rigid plane.
     at : Site or array_like (3,)
-        Where a Structure is touched [m].
+        Point [m] of contact on a Structure.
     radius : float, optional
-        Radius of the part there [m], in place of its curvature: needed at edges and corners.
+        Radius of the part there [m], instead of its curvature; needed at edges and corners.
 
     Returns
     -------

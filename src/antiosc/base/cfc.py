@@ -26,13 +26,13 @@ MEMORY_PERIODS = 2.0
 
 
 def filter_memory(name: str) -> float:
-    """Time [s] before and after an instant on which the value filtered by `name` depends."""
+    """Time [s] before and after an instant on which the filtered value there depends."""
     checks.choice("filter", name, tuple(CLASS_FREQUENCIES))
     return MEMORY_PERIODS / CLASS_FREQUENCIES[name]
 
 
 def sampling_step(name: str) -> float:
-    """Step [s] at which a signal is sampled for the filter `name`: half of the largest it takes."""
+    """Sampling step [s] for the filter `name`: half of its largest permitted step."""
     return 1 / (2 * MIN_SAMPLING_RATIO * CLASS_FREQUENCIES[name])
 
 

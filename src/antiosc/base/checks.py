@@ -1,4 +1,4 @@
-"""Input checks shared by all modules: each returns the value in the form that is stored, or raises.
+"""Input checks shared by all modules: each returns the value as it is stored, or raises.
 
 A number must be real and finite: complex numbers, strings, bools, NaN and infinity are refused.
 """
@@ -49,7 +49,7 @@ _REFUSED_NUMBERS = (*_BOOLEAN_TYPES, np.timedelta64)
 
 
 class _Required:
-    """The default of an argument that must be given although one before it may be left out."""
+    """The default of a required argument that comes after an optional one."""
 
     def __repr__(self) -> str:
         return "nothing"
@@ -201,7 +201,7 @@ def nonempty(name: str, value: object) -> Array:
 
 
 def strength_range(value: object, strength: float | None) -> tuple[float, float]:
-    """(lowest, highest) of a yield strength [Pa], which holds `strength`, or InputError."""
+    """(lowest, highest) yield strength [Pa], with `strength` between them, or InputError."""
     low, high = floats("yield_range", value, (2,)).tolist()
     if not 0 < low <= (strength or 0.0) <= high:
         raise InputError("yield_range needs yield_strength within it.")
@@ -312,7 +312,7 @@ def path(name: str, value: object) -> Path:
 
 
 def what_and_path(what: Any, path: Any) -> tuple[Any, Any]:
-    """The object that is written and its path, also if the caller gave the path first."""
+    """(object to write, its path), also if the caller gave the path first."""
     if isinstance(what, str | os.PathLike):
         return (path, what)
     return (what, path)
@@ -365,7 +365,7 @@ def list_of(name: str, value: object, kind: type[C] | tuple[type[C], ...], what:
 
 
 def store(target: object, **values: object) -> None:
-    """Set attributes of a frozen dataclass: from its `__post_init__` only."""
+    """Set attributes of a frozen dataclass; call it only from `__post_init__`."""
     for name, value in values.items():
         object.__setattr__(target, name, value)
 
@@ -471,7 +471,7 @@ def checked_by(check: Callable[..., object], *others: object) -> Mapping[str, Ch
 
 
 class Checked(FieldsRepr):
-    """Base of frozen dataclasses whose fields name their checks; a default None may stay."""
+    """Base of frozen dataclasses whose fields have checks; a default None is not checked."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[object]]]
 

@@ -11,12 +11,12 @@ _uncounted = threading.local()
 
 
 def clock() -> float:
-    """Seconds of `time.perf_counter`, less those of this thread within `uncounted`."""
+    """Seconds of `time.perf_counter`, minus seconds of this thread within `uncounted`."""
     return time.perf_counter() - uncounted_seconds()
 
 
 def uncounted_seconds() -> float:
-    """Seconds of this thread within `uncounted` up to now."""
+    """Seconds of this thread within `uncounted` so far."""
     return getattr(_uncounted, "seconds", 0.0)
 
 

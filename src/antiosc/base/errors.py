@@ -27,7 +27,7 @@ class UnmeshableError(MeshError):
 
 
 class PiecesError(MeshError):
-    """A mesh of several pieces that share no node; `pieces`: the known ones, the largest first."""
+    """A mesh of several pieces that share no node; `pieces`: known pieces, the largest first."""
 
     pieces: Sequence[Any] = ()
 
@@ -49,7 +49,7 @@ class AccuracyError(AntioscError, ArithmeticError):
 
 
 class RangeError(AccuracyError):
-    """A force exceeds the range of its law; `radius` [m]: patch that is large enough, or None."""
+    """A force exceeds the range of its law; `radius`: radius [m] of a sufficient patch, or None."""
 
     radius: float | None = None
 
@@ -75,7 +75,7 @@ class NotTakenWarning(AntioscWarning):
 
 
 class ChoiceWarning(AntioscWarning):
-    """A choice made since nothing was given: shown as a note, not as a caution."""
+    """A choice made because nothing was given; it is shown as a note, not as a caution."""
 
 
 class Message(str):
@@ -122,7 +122,7 @@ _warning_receiver: ContextVar[Callable[[str], None] | None] = ContextVar(
 
 
 def warn(message: str, category: type[Warning] | None = None) -> None:
-    """Warn at the line of the caller's own code; `category` of a collected message by default."""
+    """Warn at the line of the caller's own code; a collected message has its own category."""
     kind: type[Warning] = getattr(message, "category", AntioscWarning)
     kind = kind if category is None else category
     taker = _warning_receiver.get()
@@ -163,7 +163,7 @@ def warnings_to(receiver: Callable[[str], None]) -> Iterator[None]:
 
 
 def without_warnings() -> AbstractContextManager[None]:
-    """Context that drops antiosc's warnings of this thread: for work whose warnings were given."""
+    """Context that drops antiosc's warnings of this thread, for work that has given them before."""
     return warnings_to(lambda message: None)
 
 
@@ -182,7 +182,7 @@ def warnings_of_last() -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def finite_element_packages() -> Iterator[None]:
-    """Context for imports of these packages: MissingDependencyError names the missing one."""
+    """Context for imports of these packages; MissingDependencyError names a missing one."""
     try:
         yield
     except MissingDependencyError:
@@ -208,7 +208,7 @@ NEAREST_NAME_COUNT = 5
 
 
 def name_list(wanted: object, names: Iterable[str], what: str) -> str:
-    """Text "`what` are: 'a', 'b'"; of many names it lists only those nearest to the wanted one."""
+    """Text "`what` are: 'a', 'b'"; from many names it lists only those similar to `wanted`."""
     sorted_names = sorted(names)
     if len(sorted_names) <= MAX_LISTED_NAMES:
         return f"{what} are: {', '.join(map(repr, sorted_names)) or 'none'}"

@@ -1,4 +1,4 @@
-"""Names of a package that are found when they are first used."""
+"""Names of a package that are imported at their first use."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MESHED = (
 
 @cache
 def names_in_stub(module: str) -> dict[str, str]:
-    """Name -> module that defines it, read from a module's file or the stub (.pyi) beside it."""
+    """Module that defines each name, read from a module's file or its stub (.pyi)."""
     stub = Path(module).with_suffix(".pyi")
     stub = stub if stub.exists() else stub.with_suffix(".py")
     names: dict[str, str] = {}

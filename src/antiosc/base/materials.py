@@ -16,7 +16,7 @@ from antiosc.base.texts import engineering
 
 @dataclass(frozen=True)
 class MaterialRecord:
-    """A material as the table has it, in SI units; None or 0 where the sources give no value."""
+    """A material of the table, in SI units; None or 0 if the sources give no value."""
 
     name: str
     E: Any  # E, nu: of wood those of `orthotropic`, with G
@@ -85,7 +85,7 @@ def names() -> list[str]:
 
 
 def strength_at(rate: tuple[float, ...], strength: float, strain_rate: float) -> float:
-    """The strength [Pa] at a strain rate [1/s], of `rate` and the slow strength [Pa].
+    """The strength [Pa] at a strain rate [1/s], from constants `rate` and the slow strength [Pa].
 
     S (1 + (strain rate/D)^(1/q)), P. S. Symonds and G. R. Cowper, Brown University Applied
     Mathematics Report 28 (1957).

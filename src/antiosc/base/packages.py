@@ -1,9 +1,9 @@
-"""Changes that packages make to the process, and what they may read of it when they load.
+"""Changes that packages make to the process, and files that they may read when they load.
 
 FFCx, dolfinx, PETSc and setuptools change loggers, warnings, flags of the dynamic loader, signal
-handlers, environment and module path: `restored` undoes it. Several packages take files of the
-working folder for their configuration (`.petscrc`, `matplotlibrc`, …), which can name programs to
-run: they load in `/` instead (`loading`), so that a folder from elsewhere configures nothing.
+handlers, environment and module path; `restored` undoes this. Several packages read configuration
+files in the working folder (`.petscrc`, `matplotlibrc`, …), which can name programs to run. They
+are therefore loaded in `/` (`loading`), so that an untrusted folder configures nothing.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def quiet(*names: str) -> Iterator[None]:
 
 @contextmanager
 def loading() -> Iterator[None]:
-    """Context for imports of packages: in `/` and with a home folder, for the whole process."""
+    """Context for imports of packages, with the working folder `/` and a home folder."""
     try:
         Path.home()
     except RuntimeError:  # packages need one to load
@@ -132,7 +132,7 @@ def _home() -> str:
 
 
 def start_mpi() -> None:
-    """Load MPI before what needs it; MissingDependencyError under another MPI's mpirun."""
+    """Load MPI before packages that need it; MissingDependencyError under another MPI's mpirun."""
     refusal = (
         "this process was started by the mpirun of another MPI than that of its mpi4py: use the "
         "mpirun of that MPI, which of PyPI's packages stands beside python."

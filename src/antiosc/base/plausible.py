@@ -1,8 +1,8 @@
-"""Plausibility of numbers in SI units: the first check of a part, a site and a blow.
+"""Plausibility of numbers in SI units: the first check of a part, a site and an impact.
 
 Meshes and decks are often in mm and MPa. An unlikely value gives a warning before anything is
-computed, which is repeated in an error that follows from it; an impossible value is refused. Each
-sentence has the number, the rule, and the unit that is probably meant.
+computed, and a resulting error repeats the warning; an impossible value is refused. Each sentence
+has the number, the rule, and the unit that is probably meant.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ RELATIVE_ROUNDING = 1e-9
 
 
 class Range(NamedTuple):
-    """Usual values of a quantity, and (factor, name) of units in which it may be given."""
+    """Usual range of a quantity, and (factor, name) of units that may be meant."""
 
     low: float
     high: float
@@ -58,7 +58,7 @@ USUAL_RANGES = {
 
 
 def range_doubt(quantity: str, value: float, what: str, low: float = 0.0, high: float = inf) -> str:
-    """Sentence that a value lies outside its usual range, narrowed by `low` and `high`; or ""."""
+    """Sentence if a value is outside its usual range, narrowed by `low` and `high`; else ""."""
     usual = USUAL_RANGES[quantity]
     low, high = max(low, usual.low), min(high, usual.high)
     if low <= value <= high:
@@ -81,7 +81,7 @@ class ExaminedMaterial(Protocol):
 
 
 def material_doubt(material: ExaminedMaterial) -> str:
-    """Why a material is implausible, or ""; InputError for impossible values."""
+    """Reason why a material is implausible, or ""; InputError for impossible values."""
     speed = material.bar_speed()
     name = f"a {type(material).__name__} of this part"
     rho, strength = (getattr(material, key, None) for key in ("rho", "yield_strength"))
@@ -103,7 +103,7 @@ def material_doubt(material: ExaminedMaterial) -> str:
 
 
 def size_doubt(extent: float, unit_stated: bool = False, is_frame: bool = False) -> str:
-    """Why the diagonal [m] of a part is implausible, or ""; frames, stated units may be larger."""
+    """Why the diagonal [m] of a part is implausible, or ""; frames and stated units allow more."""
     long = USUAL_RANGES["length"].high < extent
     if long and (unit_stated or (is_frame and extent <= MAX_FRAME_SIZE)):
         return ""
@@ -122,7 +122,8 @@ def refuse_size(size: float, points: ArrayLike, name: str) -> None:
 
 
 def patch_doubt(radius: float, extent: float) -> str:
-    """Why a patch of this radius is implausible on a part this large [m]; InputError if larger."""
+    """Reason why a patch radius [m] is implausible for a part of this extent [m], or "";
+    InputError if the patch is larger than the part."""
     if radius > extent:
         raise InputError(
             f"the radius {radius:g} m of the site is larger than the part, which measures "
@@ -140,14 +141,14 @@ def patch_doubt(radius: float, extent: float) -> str:
 def impact_doubts(
     models: Iterable[object], movers: Iterable[object], *velocities: object
 ) -> list[str]:
-    """For each model, why the largest speed is implausible, or ""; InputError if impossible."""
+    """Why each model's largest speed is implausible, or ""; InputError if impossible."""
     all_velocities = [*velocities, *[getattr(mover, "velocity", 0.0) for mover in movers]]
     speed = max(map(_max_speed, all_velocities), default=0.0)
     return [_impact_doubt(model, speed) for model in models]
 
 
 def _impact_doubt(model: object, speed: float) -> str:
-    """Why a blow of this speed [m/s] on a model is implausible, or ""; InputError if impossible."""
+    """Why an impact speed [m/s] on a model is implausible, or ""; InputError if impossible."""
     notes = getattr(getattr(model, "info", None), "notes", {})
     wave = float(notes.get("wave_speed") or 0.0)
 
@@ -180,7 +181,7 @@ def _max_speed(velocity: object) -> float:
 
 
 def warn_each(sentences: Iterable[str]) -> tuple[str, ...]:
-    """Warn of each distinct non-empty sentence; return these."""
+    """Warn of each distinct non-empty sentence; returns these sentences."""
     distinct = tuple(dict.fromkeys(filter(None, sentences)))
     for sentence in distinct:
         warn(sentence)

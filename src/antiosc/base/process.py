@@ -1,9 +1,9 @@
 """The process: its BLAS threads, and the free memory of its machine.
 
-**Threads.** One BLAS thread, and for large factorizations one fewer than there are cores, so that a
-run gives the same digits again. OpenBLAS threads synchronise in busy loops: if another program has
-one of their cores, two take up to nine times as long as one. A number of threads that the user has
-set in the environment is respected; other libraries are not changed.
+**Threads.** There is one BLAS thread, and for large factorizations one fewer than there are cores,
+so that a repeated run gives the same digits. OpenBLAS threads synchronise in busy loops: if another
+program uses one of their cores, two take up to nine times as long as one. A number of threads set
+in the environment is respected; other libraries are not changed.
 
 **Memory.** The free memory, the share of it that a run may use, and the message if it is too small.
 """
@@ -40,7 +40,7 @@ WORTHWHILE_RATIO = 0.8
 
 
 def return_free_memory() -> None:
-    """Return to the system what glibc keeps of freed memory: a quarter of that of a large part."""
+    """Return freed memory that glibc keeps to the system: a quarter of a large part's memory."""
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if os.name == "posix" else None
     if trim:
         trim(0)
@@ -62,7 +62,7 @@ def core_count() -> int:
 
 
 def free_threads() -> int:
-    """Number of threads for work that shares nothing: the cores; one where BLAS has its own."""
+    """Number of threads for independent work: the cores, or one if BLAS has its own threads."""
     return 1 if user_threads() or _blas() is None else core_count()
 
 
@@ -87,7 +87,7 @@ BlasPool: TypeAlias = dict[str, Any]
 
 
 class _Blas:
-    """The thread pools of the BLAS libraries that are loaded, kept at one thread while in use."""
+    """The thread pools of the loaded BLAS libraries, kept at one thread while in use."""
 
     def __init__(self, controller: ThreadpoolController) -> None:
         self.controller = controller
@@ -215,7 +215,7 @@ def _process_limit() -> float:
 def require_memory(
     needed_bytes: float, what: str, remedy: str, free_bytes: float | None = None
 ) -> None:
-    """OutOfMemoryError "`what` needs 3 GB and 2 GB are free: `remedy`." unless the bytes fit."""
+    """OutOfMemoryError "`what` needs 3 GB and 2 GB are free: `remedy`." if memory is too small."""
     if free_bytes is None and needed_bytes < NEGLIGIBLE_BYTES:
         return
     free_bytes = free_memory() if free_bytes is None else free_bytes

@@ -38,7 +38,7 @@ class _WorkTexts(threading.local):
 
     @property
     def innermost(self) -> str:
-        """Text of the innermost work, after that of the last counted work around it; or ""."""
+        """Text of the innermost work, preceded by the text of counted work around it; or ""."""
         counted = [text for text in self.texts[:-1] if COUNT_PATTERN.search(text)]
         return " – ".join([*counted[-1:], *self.texts[-1:]])
 
@@ -111,7 +111,7 @@ def _write() -> None:
 
 
 def world_rank() -> int:
-    """Rank of this process as its MPI launcher states it, without loading mpi4py."""
+    """Rank of this process as given by its MPI launcher, without loading mpi4py."""
     mpi = sys.modules.get("mpi4py.MPI")
     if mpi is not None:
         return int(mpi.COMM_WORLD.rank)

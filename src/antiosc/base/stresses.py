@@ -1,9 +1,9 @@
 """Scalars and directions of stress and strain tensors, and the strengths of a ply.
 
-A tensor is an array (..., 3, 3), as `probe` returns it. Six numbers (..., 6) are taken as the
-components 11, 22, 33, 23, 13, 12 of a stress. The exposure of a ply (`Strengths`) is the inverse of
-the strength ratio R, the factor by which all stresses may grow until failure: it is proportional to
-the load, so that 1/exposure − 1 is a margin of safety.
+A tensor is an array (..., 3, 3), as `probe` returns it. Six numbers (..., 6) are the components 11,
+22, 33, 23, 13, 12 of a stress. The exposure of a ply (`Strengths`) is the inverse of the strength
+ratio R, the factor by which all stresses may grow until failure. It is proportional to the load, so
+that 1/exposure − 1 is a margin of safety.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ ASYMMETRY_TOLERANCE = 1e-9
 
 @checks.within_range
 def von_mises(stress: ArrayLike) -> Array:
-    """Equivalent stress (...,) [Pa] of stresses (..., 3, 3) or (..., 6), after von Mises.
+    """Von Mises equivalent stress (...,) [Pa] of stresses (..., 3, 3) or (..., 6).
 
     Raises
     ------
     InputError
-        For anything but symmetric tensors.
+        Arrays that are not symmetric tensors.
     """
     return von_mises_of_components(components("stress", stress))
 
@@ -50,11 +50,11 @@ def delamination_load(D: float, G: float) -> float:
     """Static load [N] at which a delamination in the middle of a plate grows, π √(32 D G/3).
 
     A circular delamination of radius a halves the thickness, so that two plates of stiffness D/8
-    deflect by F a²/(4 π D) at their centre, in place of F a²/(16 π D) before. The energy release
-    rate F²/2 dC/d(π a²) = 3 F²/(32 π² D) does not depend on a: growth begins at this load, and for
-    larger delaminations it does not rise. It holds for a quasi-isotropic laminate in small
-    deflection under a point load, without shear deformation. Compare it with `peak_force`; a factor
-    for short blows, in which the plate has not reached its static shape, is not included.
+    deflect by F a²/(4 π D) at their centre, instead of F a²/(16 π D) before. The energy release
+    rate F²/2 dC/d(π a²) = 3 F²/(32 π² D) does not depend on a: delaminations of any size begin to
+    grow at this load. It holds for a quasi-isotropic laminate in small deflection under a point
+    load, without shear deformation. Compare it with `peak_force`; a factor for short impacts, in
+    which the plate does not reach its static shape, is not included.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ VON_MISES_ROOT[2:, 3:] = np.sqrt(3.0) * np.eye(3)
 
 
 class TensileStrength(NamedTuple):
-    """Least and largest strength in tension [Pa] of a material that cracks."""
+    """Lowest and highest tensile strength [Pa] of a material that cracks."""
 
     low: float
     high: float
@@ -167,13 +167,13 @@ class Strengths(Checked):
     Parameters
     ----------
     X_t, X_c : float
-        Along the fibres in tension and in compression, Pa.
+        Strengths along the fibres in tension and in compression, Pa.
     Y_t, Y_c : float
-        Across the fibres in tension and in compression, Pa.
+        Strengths across the fibres in tension and in compression, Pa.
     S : float
-        In-plane shear, Pa.
+        In-plane shear strength, Pa.
     interlaminar : float, optional
-        Shear between layers (ILSS), Pa; delamination is assessed where it is given.
+        Interlaminar shear strength (ILSS), Pa; delamination is assessed if it is given.
     """
 
     X_t: float = field(metadata=_PRESSURE_CHECK)
@@ -185,10 +185,10 @@ class Strengths(Checked):
 
     @within_range
     def tsai_hill(self, stress: ArrayLike) -> Array:
-        """Exposure (...,) after Tsai and Hill (NASA CR-224, 1965): the root of the index.
+        """Exposure (...,) after Tsai and Hill (NASA CR-224, 1965): square root of the index.
 
-        `stress` (..., 3, 3) or (..., 6) in the axes of the layer, Pa; compressive strengths are
-        taken for negative σ1 and σ2.
+        `stress` (..., 3, 3) or (..., 6) in the axes of the layer, Pa; compressive strengths apply
+        to negative σ1 and σ2.
         """
         return exposure("tsai_hill", self, components("stress", stress))
 
@@ -204,7 +204,7 @@ class Strengths(Checked):
 
     @within_range
     def delamination(self, stress: ArrayLike) -> Array:
-        """Exposure (...,) of the interface: √(τ13² + τ23²) over the interlaminar strength.
+        """Exposure (...,) of the interface: √(τ13² + τ23²) divided by the interlaminar strength.
 
         Raises
         ------
@@ -215,7 +215,7 @@ class Strengths(Checked):
 
 
 def exposure(criterion: str, strengths: Strengths, s: Array) -> Array:
-    """Exposure (...,) of a layer to s (..., 6) [Pa]; `criterion`: a method of `Strengths`."""
+    """Exposure (...,) of a layer to stresses s (..., 6) [Pa] by a method of `Strengths`."""
     sigma1 = s[..., 0]
     sigma2 = s[..., 1]
     shear = s[..., 5]

@@ -24,12 +24,12 @@ MAX_LINES = 4
 
 
 def printable(text: str) -> str:
-    """A text on one line, with codes in place of what cannot be printed."""
+    """A text on one line, with codes instead of unprintable characters."""
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def piece_text(name: str, piece: int, count: int, pieces: str = "") -> str:
-    """Sentence that of a file of `count` pieces one is read; `pieces`: text on all of them."""
+    """Sentence: one piece of a file of `count` pieces is read; `pieces`: text on all pieces."""
     listed = f" ({pieces})" if pieces else ""
     return f"{name}: piece {piece} of {count} is read, the others are not{listed}."
 
@@ -83,14 +83,14 @@ class Result(ReprMixin):
     message: Any
 
     def summary(self) -> str:
-        """The results, one a line, and the message if the status is not 0."""
+        """The results, one per line, and the message if the status is not 0."""
         facts = self._facts()
         width = max((len(name) for name, _ in facts), default=0)
         rows = [f"{name:<{width}}  {value}" for name, value in facts]
         return "\n".join([*rows, *([str(self.message)] if np.any(self.status) else [])])
 
     def numbers(self) -> dict[str, object]:
-        """The single results in SI units, status and message: name -> JSON value."""
+        """Single results in SI units, status and message, as JSON values by name."""
         names = [f.name for f in dataclasses.fields(self)]  # type: ignore[arg-type]
         values = {name: getattr(self, name) for name in names}
         single = bool, int, float, str, np.generic
@@ -109,7 +109,7 @@ class CompletedResult(Result):
 
 
 def _json_value(value: object) -> object:
-    """A number or an array of NumPy as Python's own."""
+    """A NumPy number or array as Python numbers."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return value
@@ -248,7 +248,7 @@ def engineering(value: float, unit: str = "", digits: int = 3) -> str:
 
 
 def restitution_text(e: float, digits: int = 3) -> str:
-    """A coefficient of restitution, and if it is negative what that means."""
+    """A coefficient of restitution as text, with an explanation if it is negative."""
     return f"{e:.{digits}f}{', still approaching' if e < 0 else ''}"
 
 
@@ -260,13 +260,13 @@ def point_text(point: Iterable[float]) -> str:
 
 
 def rounded_up(value: float) -> float:
-    """The least number of two digits not below a positive `value`, but for rounding errors."""
+    """The smallest number of two digits >= a positive `value`, within rounding errors."""
     step = 10.0 ** (floor(log10(value)) - 1)
     return float(f"{ceil(value / step - DIGIT_ROUNDING) * step:.2g}")
 
 
 def rounded_down(value: float) -> float:
-    """The largest number of two digits not above a positive `value`, but for rounding errors."""
+    """The largest number of two digits <= a positive `value`, within rounding errors."""
     step = 10.0 ** (floor(log10(value)) - 1)
     return float(f"{floor(value / step + DIGIT_ROUNDING) * step:.2g}")
 
@@ -299,7 +299,7 @@ def exceeds(value: float, limit: float, digits: int) -> bool:
 
 
 def plain_number(value: float, digits: int = 2) -> str:
-    """A number rounded to so many digits, without an exponent: "250", "1800", "0.0043"."""
+    """A number rounded to `digits` digits, without an exponent: "250", "1800", "0.0043"."""
     return f"{float(f'{value:.{digits}g}'):.12g}" if isfinite(value) else "–"
 
 

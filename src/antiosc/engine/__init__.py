@@ -1,1 +1,1 @@
-"""The C library of the march from Python: systems, contact laws, time steps and error control."""
+"""Time integration (the march) by the C library: systems, contact laws, steps, error control."""

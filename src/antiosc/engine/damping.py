@@ -4,13 +4,13 @@ With coordinates x, stiffness K and mass M of the body,
 
     M x'' + C x' + K x + sum_k G_k (x - z_k) = f,        tau_k z_k' = x - z_k,
 
-C and G_k symmetric and positive semidefinite: a branch is a spring G_k in series with a dashpot
-tau_k G_k (Maxwell), several in parallel are a Prony series. In s = i omega they add
+where C and G_k are symmetric and positive semidefinite. A branch is a spring G_k in series with a
+dashpot tau_k G_k (Maxwell); several in parallel are a Prony series. In s = i omega they add
 
     s C + sum_k G_k s tau_k/(1 + s tau_k)
 
-to the dynamic stiffness, whose real part on every x is >= 0: the body gives back no more than it
-was given, whatever coordinates it is reduced to.
+to the dynamic stiffness, whose real part is positive semidefinite. The body is therefore passive
+(it returns no more energy than it received) after reduction to any coordinates.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ MATRIX_ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DampingMatrix(ReprMixin):
-    """Damping that couples the modes of a model, integrated exactly at any strength.
+    """Damping of any strength that couples the modes of a model; it is integrated exactly.
 
     Parameters
     ----------
     matrix : array_like, shape (n, n)
         C [N s/m], symmetric, positive semidefinite. The coordinates of a model are, in this order:
-        the displacement of its site (of several sites u (p,)), the amplitudes of its N constraint
-        modes of unit mass, with momenta +sqrt(m_i) at the site, and its hidden rigid-body motions.
+        the displacement of its site (u (p,) of several sites), the amplitudes of its N constraint
+        modes of unit mass, coupled to the site by +sqrt(m_i), and its hidden rigid-body motions.
     branches : sequence of (matrix (n, n), float)
         Stiffness G [N/m], like C, and relaxation time tau > 0 [s] of each Maxwell branch.
 
     Raises
     ------
     InputError
-        For matrices that are not symmetric and positive semidefinite, which add energy.
+        Matrices that are not symmetric and positive semidefinite, and would add energy.
 
     Notes
     -----
@@ -107,7 +107,7 @@ def from_factors(factor: Array, branches: Sequence[tuple[Array, float]] = ()) ->
 
 
 def in_coordinates(damping: DampingMatrix, T: Array) -> DampingMatrix:
-    """The damping in new coordinates y (m,); the old ones are T y, with T (n, m)."""
+    """The damping in new coordinates y (m,); the old coordinates are T y, with T (n, m)."""
     return from_factors(damping.factor @ T, [(L @ T, tau) for L, tau in damping.factors])
 
 
@@ -124,7 +124,7 @@ def _store_factors(
 
 
 def _factor(name: str, matrix: object, size: int | None) -> Array:
-    """L (r, n) with L'L = matrix; InputError unless that is symmetric and semidefinite."""
+    """L (r, n) with L'L = matrix; InputError unless this is symmetric and semidefinite."""
     checked_matrix = checks.floats(name, matrix, (size, size))
     if checked_matrix.shape[0] != checked_matrix.shape[1]:
         raise InputError(f"{name} must be square; got shape {checked_matrix.shape}.")

@@ -1,11 +1,11 @@
-"""Static equilibrium of a scene: where it rests before anything moves.
+"""Static equilibrium of a scene before it moves.
 
-With F(delta) the forces of the laws at rest, the equilibrium is the minimum of the potential
+With the forces F(delta) of the laws at rest, the equilibrium is the minimum of the potential
 
     sum omega^2 q^2/2 - load q + W(beta q - gap),
 
-W convex: the contacts' potentials in series with the residual compliance. Newton's method with a
-regularisation that vanishes (Levenberg) finds it, or diverges where there is none.
+where the convex W contains the contacts' potentials in series with the residual compliance.
+Newton's method with a vanishing (Levenberg) regularisation finds it, or diverges if there is none.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def _resting_state(system: System) -> tuple[Array, Array]:
     damp = 1e-6 * stiff
 
     def contact_state(q: Array, guess: Array) -> tuple[Array, Array, float]:
-        """Contact forces (p,), indentations (p,), and the potential of the scene."""
+        """(contact forces (p,), indentations (p,), potential of the scene)."""
         free = beta @ q - gap
         force = _closing_forces(laws, states, free, R, guess)
         delta = free - R @ force
@@ -111,8 +111,8 @@ def set_initial_forces(system: System, preload: bool = False) -> None:
 def continue_contacts(
     system: System, contacts: Sequence[ContactState | None], forces: Array
 ) -> None:
-    """Set the contact forces at the start: those that go on from a run keep its end `forces` (p,)
-    [N], new ones (None) are in equilibrium."""
+    """Set the contact forces at the start: contacts that continue from an earlier run have its last
+    `forces` (p,) [N], new ones (None) are in equilibrium."""
     laws = system.laws
     p = len(laws)
     R = system.R[:p, :p]
@@ -146,7 +146,7 @@ def continue_contacts(
 
 
 def _states(laws: Sequence[ContactLaw], contacts: Sequence[ContactState | None]) -> list[State]:
-    """State of each law at the start: that of its contact, or of a touch without speed."""
+    """State of each law at the start: from its contact, or of a touch without speed."""
     return [
         law.touch(0.0) if contact is None else contact.state
         for law, contact in zip(laws, contacts, strict=True)
@@ -156,7 +156,7 @@ def _states(laws: Sequence[ContactLaw], contacts: Sequence[ContactState | None])
 def _closing_forces(
     laws: Sequence[ContactLaw], states: list[State], free: Array, R: Array, guess: Array
 ) -> Array:
-    """Contact forces (p,) [N], sought from `guess`; `free` (p,) [m]: indentations without
+    """Contact forces (p,) [N], iterated from `guess`; `free` (p,) [m]: indentations without
     forces."""
     force = guess.copy() if np.any(R) else np.zeros(len(laws))
     for _ in range(1000):

@@ -1,7 +1,7 @@
-"""First-order modes: a body whose damping couples its free modes, as pairs of poles.
+"""First-order modes: pairs of poles of a body whose damping couples its free modes.
 
-In the free modes q of the body without damping, with rates v, factors D = L0' L0 and G_k = L_k' L_k
-of its damping, and the states xi_k = L_k z_k of its branches,
+Let q be the undamped free modes, v their rates, D = L0' L0 and G_k = L_k' L_k the damping and the
+branches with the states xi_k = L_k z_k. Then
 
     q' = v,   v' = -(Omega^2 + sum G_k) q - D v + sum L_k' xi_k + f,   xi_k' = (L_k q - xi_k)/tau_k,
 
@@ -12,10 +12,10 @@ negative Y'JY, are one mode of real numbers (a, b),
 
     a' = b + c_b f,      b' = -w^2 a - 2 d b + (c_a - 2 d c_b) f,      u = c_a a + c_b b,
 
-that has the frequency w = sqrt(l1 l2) and the decay 2 d = -(l1 + l2) of an oscillator, so that its
-responses are those of an oscillator; c_b = 0 for an undamped one. With T = [[2 d, 1], [1, 0]] of
-all modes and S the shapes (c_a, c_b) of all states, S'JS = T, y = S (a, b), (a, b) = T^-1 S'J y. A
-real pole without a partner is paired with a pole of zero share.
+with the frequency w = sqrt(l1 l2) and the decay 2 d = -(l1 + l2) of an oscillator, and hence its
+responses; c_b = 0 for an undamped mode. With T = [[2 d, 1], [1, 0]] of all modes and the shapes S
+(c_a, c_b) of all states, S'JS = T, y = S (a, b), (a, b) = T^-1 S'J y. A real pole without a partner
+is paired with a pole of zero share.
 
 P. Lancaster, *Lambda-Matrices and Vibrating Systems*, 1966; A. Veletsos, C. Ventura, *Earthquake
 Eng. Struct. Dyn.* 14 (1986) 217.
@@ -49,7 +49,7 @@ DAMPING_CHANGE = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class FirstOrder:
-    """The first-order modes of a body, with states (a, b) as in the head of this module."""
+    """The first-order modes of a body, with states (a, b) as in this module's docstring."""
 
     #: omega, decay: (I,) w [rad/s] and d [1/s] of the modes
     omega: Array
@@ -171,7 +171,7 @@ def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
     """The first-order modes of a body with free modes (J,) and this damping.
 
     A double pole has no such modes: the damping is then changed by `DAMPING_CHANGE`. AccuracyError
-    if rounding leaves an error of their receptance above `MAX_ERROR`.
+    if rounding causes an error of their receptance above `MAX_ERROR`.
     """
     worst = np.inf
     best = None
@@ -257,11 +257,11 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
 def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     """First-order modes of a body whose free modes all have damping.
 
-    Returns w and d (I,); S and J S (2 k, 2 I) for relaxed branches; the decelerations (k, 2 I) by
-    the damping; and L q - xi of the branches.
+    Returns w and d (I,); S and J S (2 k, 2 I) for relaxed branches; the decelerations (k, 2 I) due
+    to damping; and L q - xi of the branches.
 
-    The eigenvectors are those of (Omega q, v, L q - xi), whose squares are energies: without
-    damping the matrix is skew. Y'JY is (v'v - (Omega q)'(Omega q) - (L q - xi)'(L q - xi))/lambda.
+    The eigenproblem is solved for (Omega q, v, L q - xi), whose squares are energies: its matrix is
+    skew without damping. Y'JY is (v'v - (Omega q)'(Omega q) - (L q - xi)'(L q - xi))/lambda.
     """
     k = omega.size
     elastic_modes = np.flatnonzero(omega)
@@ -339,7 +339,7 @@ def _square_root(gram: ComplexArray) -> ComplexArray:
 
 
 def _real_clusters(poles: Numbers) -> list[list[int]]:
-    """Groups of real poles so close that rounding mixes their modes."""
+    """Groups of real poles that are so close that rounding mixes their modes."""
     real = np.flatnonzero(np.abs(poles.imag) <= CLUSTER_DISTANCE * np.abs(poles))
     order = real[np.argsort(poles[real].real)]
     value = poles[order].real
@@ -348,7 +348,7 @@ def _real_clusters(poles: Numbers) -> list[list[int]]:
 
 
 def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Numbers, Numbers]:
-    """Poles and modes Z of a cluster, computed again in their subspace if it holds no others."""
+    """(poles, modes Z) of a cluster, recomputed in their subspace if it is invariant."""
     low = poles.real.min() * (1 + CLUSTER_DISTANCE / 2)
     high = poles.real.max() * (1 - CLUSTER_DISTANCE / 2)
 
@@ -388,10 +388,10 @@ def _equal_poles(poles: Numbers) -> list[list[int]]:
 def _paired_poles(
     plus: list[tuple[float, Array]], minus: list[tuple[float, Array]], fastest: float
 ) -> list[tuple[float, float, Array, Array]]:
-    """Real modes (w, d, c_a, c_b) of pairs of real poles, each a pole and its eigenvector.
+    """Real modes (w, d, c_a, c_b) of pairs of real poles, given as (pole, eigenvector).
 
-    A pole of negative square (`minus`) goes with the nearest slower one of positive square
-    (`plus`); one without a partner, with a pole of zero share. fastest : rate [1/s] of that pole
+    A pole of negative square (`minus`) is paired with the nearest slower pole of positive square
+    (`plus`); a pole without a partner, with a pole of zero share. fastest : rate [1/s] of this pole
     for a rigid motion.
     """
     pairs: list[tuple[float, float, Array, Array]] = []

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class CallbackLaw:
-    """Callbacks by which the C library calls a law in Python, and the error that one raised."""
+    """Callbacks by which the C library calls a Python law, and the exception that one raised."""
 
     def __init__(self, law: ContactLaw) -> None:
         self.law = law
@@ -101,7 +101,7 @@ class CallbackLaw:
 
 
 def packed_law(law: ContactLaw) -> tuple[library.CLaw, object]:
-    """A law as the C library takes it, and the objects whose memory it refers to."""
+    """(a law as a structure for the C library, the objects whose memory it refers to)."""
     if is_compiled(law):
         return law.kernel
     callbacks = CallbackLaw(law)

@@ -1,7 +1,7 @@
-"""The march: the C library of `csrc`, its structures and functions as Python sees them.
+"""The C library of `csrc` for time integration ("the march"): its structures and functions.
 
-`csrc/antiosc_march.h` is its manual. The library stands beside this file; `make` or an installation
-builds it. ctypes lets other threads run during a call.
+`csrc/antiosc_march.h` is its manual. The library is in the folder of this file; `make` or an
+installation builds it. ctypes lets other threads run during a call.
 """
 
 from __future__ import annotations
@@ -243,7 +243,7 @@ def source_hash(folder: Path) -> str:
 
 
 def load(path: Path = LIBRARY_FILE, source: Path = SOURCE_FOLDER) -> ctypes.CDLL:
-    """Load the library; MissingDependencyError if it is missing, damaged or of other sources."""
+    """Load the library; MissingDependencyError if it is missing, damaged or from other sources."""
     if not path.is_file():
         raise MissingDependencyError(f"the library {path.name} is missing: {_REMEDY}.")
     try:
@@ -285,7 +285,7 @@ library = load()
 
 
 def address(values: NDArray[np.generic]) -> int:
-    """Address of the numbers of an array; three times as fast as NumPy's `ctypes`."""
+    """Memory address of an array's numbers; three times as fast as NumPy's `ctypes`."""
     try:
         return ctypes.addressof(ctypes.c_char.from_buffer(values))  # type: ignore[arg-type]
     except (TypeError, ValueError):  # read-only, empty
@@ -306,7 +306,7 @@ def responses(omega: Array, decay: Array | float, t: Array | float) -> Array:
 
 
 def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Array:
-    """Integral [N s] and peak [N] of column `row` of forces over spans (C, 2) of steps: (C, 2)."""
+    """(integral [N s], peak [N]) (C, 2) of column `row` of forces, over spans (C, 2) of steps."""
     time, force = (np.ascontiguousarray(array, dtype=float) for array in (time, force))
     steps = np.ascontiguousarray(spans, dtype=np.int64)
     peaks_out = np.empty((len(spans), 2))

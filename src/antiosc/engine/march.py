@@ -1,4 +1,4 @@
-"""The march from Python: its memory, its runs, and steps refined until two runs agree."""
+"""Time integration by the C library: memory, runs, and steps refined until two runs agree."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Run:
         return states
 
     def _advanced(self, law: ContactLaw, state: State, c: int, first: int, last: int) -> State:
-        """The law state of contact c, closed throughout, after the steps between two nodes."""
+        """The law state of contact c, which stays closed, after the steps between two nodes."""
         if is_compiled(law):  # of the deepest indentation alone
             return law.advance(float(self.depth[first : last + 1, c].max()), 0.0, state)
         for n in range(first + first % 2, last - 1, 2):
@@ -129,7 +129,7 @@ class Buffers:
         r.every = 2 * r.every
 
     def run(self, answer: int, summary: library.CSummary) -> Run:
-        """Copy what was written into a `Run`."""
+        """Copy the written values into a `Run`."""
         r = self.record
         time, force, depth, states, events = self.arrays
         while 16 * r.n_states * self.shape[2] > MOST_STATE_BYTES:
@@ -151,7 +151,7 @@ class Buffers:
 
 
 class Workspace:
-    """A stepper of the C library, its runs, and its memory with the responses of earlier steps."""
+    """A stepper of the C library, its runs, and its memory with stored step responses."""
 
     def __init__(self, packed: PackedSystem) -> None:
         system = packed.system
@@ -181,7 +181,7 @@ class Workspace:
         return same_shape and int(need) <= self.memory.nbytes
 
     def renew(self, packed: PackedSystem) -> None:
-        """Use the memory for another system of this size, as allocation costs more than a run."""
+        """Reuse the memory for another system of this size, as allocation costs more than a run."""
         status = library.library.aom_create(
             byref(packed.system),
             library.address(self.memory),
@@ -240,7 +240,7 @@ def check_status(status: int) -> None:
 
 
 def solve(system: System, options: library.COptions) -> tuple[Run, library.CSolution]:
-    """The run with these options, or the finest of several with the estimates of its errors."""
+    """(the run with these options, or the finest of several runs; its error estimates)."""
     if system.first is not None:
         system = system.marched
     packed = system.packed
@@ -294,8 +294,8 @@ def run(
 
 @dataclass(eq=False)
 class Converged:
-    """The finest run, its error of a step (or its step [s]), its errors, and the time until which
-    the last two runs agree."""
+    """The finest run, its tolerance in a step (or its step [s]), its errors, and the time up to
+    which the last two runs agree."""
 
     run: Run
     step_tol: float
@@ -305,7 +305,7 @@ class Converged:
 
 
 def stop_text(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
-    """Text: why the integration stopped at t [s] before the end; "" if it did not."""
+    """Reason why the integration stopped at t [s] before the end; "" if it did not."""
     chatter = f"more than {max_contacts} contacts (chatter); shorten the duration"
     reasons = {
         library.TOO_MANY_CONTACTS: f"{chatter} or raise max_contacts",
@@ -319,12 +319,12 @@ def stop_text(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
 
 
 def difference(coarse: Run, fine: Run, tol: float) -> tuple[float, float, float]:
-    """Differences between the forces of two runs: (force, peak, time) of the contact with the
-    largest.
+    """(force, peak, time): differences between the forces of two runs, for the contact with the
+    largest difference.
 
-    `force`: relative difference, the larger of the L2 norm's and the impulse's; `peak`: relative
-    difference of the peak forces; `time`: instant [s] up to which the L2 norm of the difference is
-    below `tol`. The runs are compared at the instants of both, up to the end of the shorter one.
+    `force`: the larger relative difference of L2 norm and impulse; `peak`: relative difference of
+    the peak forces; `time`: time [s] up to which the L2 norm of the difference is below `tol`. The
+    runs are compared at the times of both, up to the end of the shorter one.
     """
     nodes = [np.ascontiguousarray(x) for run in (coarse, fine) for x in (run.time, run.force)]
     work = np.empty((9, coarse.force.shape[1]))

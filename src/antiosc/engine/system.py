@@ -1,6 +1,6 @@
-"""The system that the march integrates: modes, rows, contacts, and their state at the start.
+"""The system to integrate: modes, rows, contacts, and their initial state.
 
-`system_of_bodies` makes a `System` of bodies side by side, `PackedSystem` the C structure of a
+`system_of_bodies` makes a `System` of several bodies; `PackedSystem` is the C structure of a
 `System`.
 """
 
@@ -37,7 +37,7 @@ LEAST_SPEED_SHARE = (
 
 
 def stretch_energy(quadratic: Array, cubic: Array, a: Array) -> Array:
-    """Energies (n,) [J] of second-order forces, by their tensors, at amplitudes a (n, m)."""
+    """Energies (n,) [J] of second-order forces, from their tensors, at amplitudes a (n, m)."""
     quadratic_force, cubic_force = stretch_forces(quadratic, cubic, a)
     return np.asarray(np.sum((quadratic_force / 3 + cubic_force / 4) * a, axis=1))
 
@@ -60,9 +60,9 @@ class ContactState(NamedTuple):
 
 @dataclass(eq=False)
 class System:
-    """Modes, rows and contacts as the march takes them (`csrc/antiosc_march.h`).
+    """Modes, rows and contacts for time integration (`csrc/antiosc_march.h`).
 
-    It must not be changed after its first run.
+    A system must not be changed after its first run.
     """
 
     #: omega, decay: (J,) frequencies [rad/s] and decay constants [1/s] of all bodies in turn
@@ -94,13 +94,13 @@ class System:
 
     @property
     def arrays(self) -> tuple[Array, ...]:
-        """All arrays of bodies and rows; those that the responses of modes depend on come first."""
+        """All arrays of bodies and rows, beginning with those that determine modal responses."""
         rows = self.omega, self.decay, self.beta, self.R
         return *rows, self.breaks, self.loads, self.offsets, self.q, self.v
 
     @property
     def start_forces(self) -> Array:
-        """Forces (p,) [N] at the start: a contact with one is closed."""
+        """Forces (p,) [N] at the start; a contact with a force is closed."""
         return self.contacts["preload"]
 
     @property
@@ -123,7 +123,7 @@ class System:
 
     @property
     def closed(self) -> NDArray[np.bool_]:
-        """Which contacts (p,) are closed at the start."""
+        """Mask (p,) of the contacts that are closed at the start."""
         if self.contact_states is None:
             return self.start_forces > 0
         return (self.start_forces > 0) | [
@@ -137,14 +137,14 @@ class System:
 
     @property
     def undamped(self) -> NDArray[np.bool_]:
-        """Which modes (J,) have no damping."""
+        """Mask (J,) of the modes without damping."""
         if self.first is None:
             return self.decay == 0
         return self.first.undamped
 
     @cached_property
     def marched(self) -> System:
-        """The system in the I modes that are integrated: first-order ones if damping couples it."""
+        """The system in the I integrated modes, which are first-order modes if damping couples."""
         first = self.first
         if first is None:
             return self
@@ -167,7 +167,7 @@ class System:
 
     @property
     def least_speeds(self) -> Array:
-        """Least closing speeds (p,) [m/s] from which damped laws take their damping."""
+        """Least closing speeds (p,) [m/s] that damped laws use for their damping."""
         return np.maximum(LEAST_SPEED_SHARE * self.contacts["expected_speed"], self.least_speed)
 
     def stretch_energy(self, q: Array) -> Array:
@@ -178,7 +178,7 @@ class System:
 
     @cached_property
     def packed(self) -> PackedSystem:
-        """The system as the march takes it."""
+        """The system as a structure for the C library."""
         return PackedSystem(self)
 
     def estimate_contact(self, mass: float, duration: float) -> float:
@@ -203,7 +203,7 @@ class System:
 
 
 class BodyModes(NamedTuple):
-    """The J modes of one body in a system; None stands for zeros."""
+    """The J modes of one body in a system; None means zeros."""
 
     #: omega, decay: (J,) [rad/s], [1/s]
     omega: Array
@@ -225,7 +225,8 @@ def system_of_bodies(
     gap: float = 0.0,
     first: StackedModes | None = None,
 ) -> System:
-    """Bodies side by side in m rows of compliance R (m, m) and gap [m]; p of these are contacts."""
+    """The system of several bodies with m rows, compliance R (m, m) and gaps [m]; p rows are
+    contacts."""
     spans = consecutive_slices([body.omega.size for body in bodies])
     size, m = spans[-1].stop, len(R)
 
@@ -253,7 +254,7 @@ Key = tuple[int, int, int, bytes]
 
 
 class PackedSystem:
-    """A system as the C library takes it; those of one `key` have the same counts and responses."""
+    """A system for the C library; systems with equal `key` have the same counts and responses."""
 
     def __init__(self, system: System) -> None:
         s = system

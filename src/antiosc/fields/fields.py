@@ -2,18 +2,18 @@
 
 The displacement is a sum of the body's shapes (`ModalBody`); for anti-oscillators, by Article (8),
 w(x, t) = λ0 ψ0(x) + Σ (λi − λ0) ψi(x). `write_series` evaluates it at all nodes for some times, in
-files that ParaView opens; `antiosc.fields.probe` evaluates it at one point for all times.
+files for ParaView; `antiosc.fields.probe` evaluates it at one point for all times.
 
-The reaction of a support follows from a motion g of the whole mesh: a unit rigid motion on the dofs
-of this support, zero on those of the others, and in static equilibrium elsewhere (K_ff g_f = −K_fs
-g_s). The stiffness does no work on g, so that the virtual work of all forces on g is the reaction,
+The reaction of a support follows from a motion g of the whole mesh: a unit rigid motion of the dofs
+of this support, zero on the dofs of other supports, and static equilibrium elsewhere (K_ff g_f =
+−K_fs g_s). Elastic forces do no work on g, so that the reaction is the work of all other forces,
 
     R = gᵀM u'' − gᵀb F.
 
 This mode-acceleration form contains the whole quasi-static reaction, whatever the number of modes
-in u''. Over all supports the motions g add up to a rigid one, so that the reactions, the force and
-the inertia of the reduced motion balance to rounding. Dampers and branches add
-the work gᵀ(C u' + G ε).
+in u''. The motions g of all supports add up to a rigid motion, so that the reactions, the force and
+the inertia of the reduced motion balance to rounding. Dampers and Maxwell branches add the work
+gᵀ(C u' + G ε).
 """
 
 from __future__ import annotations
@@ -68,13 +68,13 @@ MAX_PART_RATIOS = 1.5, 1.01
 def without_unused_nodes(
     blocks: Sequence[tuple[str, IntArray]],
 ) -> tuple[IntArray, list[tuple[str, IntArray]]]:
-    """(numbers of the nodes that have cells, blocks of cells with nodes counted among these)."""
+    """(numbers of the nodes that have cells, blocks of cells renumbered to these nodes)."""
     used = np.unique(np.concatenate([cells.ravel() for _, cells in blocks]))
     return used, [(kind, np.searchsorted(used, cells)) for kind, cells in blocks]
 
 
 def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
-    """Corners of the outer faces of cells: (F, 3 or 4); (F, 2) of lines, (F, 1) of lone nodes."""
+    """Corners of the outer faces of cells (F, 3 or 4), of lines (F, 2) or single nodes (F, 1)."""
     faces: list[IntArray] = []
     for kind, cells in blocks:
         shape = CELL_TYPES[kind][0]
@@ -114,10 +114,10 @@ def write_series(
         The structure from which the model of the body was extracted.
     history : History
     path : str or Path
-        The `.pvd` file (the ending is added where it is missing); the frames go beside it as
-        `<name>_0000.vtu` and on.
+        The `.pvd` file (the ending is added if missing); the frames are written to the same folder
+        as `<name>_0000.vtu`, `<name>_0001.vtu`, ….
     times : array_like (n,), optional
-        Times in s; default: 40 evenly over the history.
+        Times in s; default: 40 times, evenly spaced over the history.
     body : str
         The body whose structure is `structure`: "structure" or "impactor"; for a scene its name
         (default: the only one that has shapes).
@@ -125,7 +125,7 @@ def write_series(
     Returns
     -------
     Path
-        Path of the `.pvd` file. If the run is killed meanwhile, it is absent or lists a complete
+        Path of the `.pvd` file. If the process is killed, the file is absent or lists a complete
         series.
     """
     target = with_pvd(path)
@@ -160,7 +160,7 @@ def nodal_motion(
 def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
     """Shapes of the body as columns (rows of this rank, B).
 
-    For a body that stretches, the second-order displacements of pairs of its modes follow.
+    For a body that stretches, columns of second-order displacements of pairs of modes follow.
     """
     shapes = np.column_stack(checked_shapes(structure, history, body, MAX_PART_RATIOS))
     second = stretch_shapes(history, body)
@@ -172,7 +172,7 @@ def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
 
 
 def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> None:
-    """Warn if the ground shakes a mass that the model's shapes represent in small part only."""
+    """Warn if the ground shakes a mass of which the model's shapes represent only a small part."""
     weight = modes_with_shapes(history, body).weight
     base = history.assembly.scene.base
     if base is None or base.accelerations.ndim == 1 or structure.rigid_modes.shape[1]:
@@ -206,7 +206,7 @@ def checked_shapes(
 ) -> tuple[Array, ...]:
     """Blocks of the body's shapes; InputError if they do not belong to the structure.
 
-    `limits`: largest ratios of stiffness and of mass of the structure and the model on the shapes.
+    `limits`: largest ratios of the structure's and the model's stiffness, and of their mass.
     """
     instance("structure", structure, Structure, "a Structure")
     kinds = (History, BodyHistory)
@@ -250,8 +250,8 @@ ColumnFunction = Callable[[Array, bool], Array]
 
 
 def _static_state_strain(at: ColumnFunction, structure: Structure, shapes: Array) -> Array:
-    """Second-order strains η(q, s) (…, B) of the static state q with each of `shapes` (rows, B), by
-    strains or stresses `at` of (shapes, second_order)."""
+    """Second-order strains η(q, s) (…, B) of the static state q with each shape s (rows, B), from
+    the function `at(shapes, second_order)` of strains or stresses."""
     preload = structure.matrices.preload
     if preload is None or not structure.comm.allreduce(preload.q.any()):
         return np.zeros(shapes.shape[1])
@@ -266,7 +266,7 @@ def _static_state_strain(at: ColumnFunction, structure: Structure, shapes: Array
 def with_pair_columns(
     at: ColumnFunction, structure: Structure, history: AnyHistory, body: str, shapes: Array
 ) -> Array:
-    """Strains or stresses (…, B) of `shapes` to second order, last those of pairs of modes."""
+    """Strains or stresses (…, B) of `shapes` to second order; pairs of modes come last."""
     forces = stretch_of_motion(history, body)
     if forces is None:
         linear = at(shapes, False)
@@ -294,7 +294,7 @@ def tensors_at_nodes(
     results: list[Any] = []
 
     def at(columns: Array, second_order: bool) -> Array:
-        """Components of the tensors of `columns`; all else of the result is stored."""
+        """Components of the tensors of `columns`; other parts of the result are stored."""
         result = source(structure).tensors_at_nodes(
             structure, columns, *selection, second_order=second_order
         )
@@ -323,9 +323,9 @@ class Reactions(ReprMixin):
     inertia : (n, 3) rate of the momentum of the part, N.
 
     Supports are named by their groups, or "support 1", "support 2", … in the order of the
-    structure's list; in an assembly those of the parts come first, as "part:group" and
+    structure's list; in an assembly the supports of parts come first, as "part:group" and
     "part:support 1". A dof that two supports fix belongs to the first. Springs and dampers to the
-    ground have no row: their forces follow from the `probe` of their points.
+    ground are not included: `probe` their points for their forces.
     """
 
     time: Array
@@ -337,7 +337,7 @@ class Reactions(ReprMixin):
 
     @property
     def total(self) -> Array:
-        """(n, 3) sum of the forces, N: inertia − applied less springs and dampers to the ground."""
+        """(n, 3) sum of the forces, N: inertia − applied − forces of springs and dampers."""
         return np.asarray(sum(self.force.values()))
 
 
@@ -351,7 +351,7 @@ def reactions(
     *,
     body: str = "structure",
 ) -> Reactions:
-    """Reactions of every support: of contact forces, loads and inertia.
+    """Reactions of every support, due to contact forces, loads and inertia.
 
     Parameters
     ----------
@@ -368,17 +368,17 @@ def reactions(
     Notes
     -----
     The reactions are changes due to the impact, without the weight that the supports carry at rest.
-    Dampers and branches use the velocities and states of
-    the model. Modal damping ratios (`Damping`) contribute nothing; the forces of
-    `Damping(alpha=…)` act on the ground without the supports. If supports fix both sides of a
-    joint, the joint carries no force there and each support carries the load of its own part.
+    The forces of dampers and Maxwell branches follow from the velocities and states of the model.
+    Modal damping ratios (`Damping`) contribute nothing; the forces of `Damping(alpha=…)` act on the
+    ground, not on the supports. If supports fix both sides of a joint, the joint carries no force
+    there and each support carries the load of its own part.
 
     Raises
     ------
     InputError
-        A structure without supports, of given matrices or with superelements; sites that are not
-        those of the model; a model with other damping than the structure; a moving ground; gravity
-        on a part that can slide on its supports; a part that stretches.
+        A structure without supports, of given matrices or with superelements; sites that differ
+        from the model's; a model with other damping than the structure; a moving ground; gravity on
+        a part that can slide on its supports; a part that stretches.
     """
     checks.instance("structure", structure, Structure, "a Structure")
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")

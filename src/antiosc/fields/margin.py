@@ -1,11 +1,11 @@
 """The worst point of a part over a run: its largest stress, relative to the strength.
 
-What lies within three radii of a contact, or within r0 of sharp inner edges and rigid supports,
-does not count. The jumps of the stress between cells are its error by the mesh (Zienkiewicz and
-Zhu): at a hole, P2 triangles of a half, a quarter and an eighth of its radius, they were 4.6, 1.3
-and 0.4 %, and the error 3.2, 0.8 and 0.2 %. From half of the stress on there is no bar. Corners of
-quadratic cells do not count: in four parts the means of their cells were 2 to 30 % too large where
-those in the middles of edges were 0 to 5 % off.
+Points within three radii of a contact, or within r0 of sharp inner edges and rigid supports, are
+not judged. The jumps of the stress between cells estimate its mesh error (Zienkiewicz and Zhu): at
+a hole, with P2 triangles of a half, a quarter and an eighth of its radius, the jumps were 4.6, 1.3
+and 0.4 %, and the true errors 3.2, 0.8 and 0.2 %. If the jumps reach half of the stress, there is
+no error bar. Corners of quadratic cells are not judged: in four parts, stresses there were 2 to
+30 % too large, while stresses in the middles of edges were 0 to 5 % off.
 """
 
 from __future__ import annotations
@@ -65,23 +65,23 @@ class Margin(ReprMixin):
 
     Attributes
     ----------
-    criterion : "yield" (von Mises), "tension" (of what cracks), "tsai_hill", "tsai_wu" or
-        "delamination"; "stress" (von Mises) where no strength is known (`PeakField.worst_point`).
+    criterion : "yield" (von Mises), "tension" (of materials that crack), "tsai_hill", "tsai_wu" or
+        "delamination"; "stress" (von Mises) if no strength is known (`PeakField.worst_point`).
     value : the von Mises stress for "yield", the largest principal stress for "tension", Pa;
         otherwise the exposure.
     strength : the yield strength for "yield", the least strength in tension for "tension", Pa;
         otherwise 1.
     point, time : (3,) place of the worst point, m, and time at which it occurs, s.
-    errors : least and largest value within the errors of the mesh, of all places that are judged;
-        the largest is inf where the stress has no bar. None: the value is exact.
-    force_error : relative error of the forces of the contacts, which the stresses follow.
+    errors : least and largest value of all judged places within the errors of the mesh; the
+        largest is inf if the stress has no error bar. None: the value is exact.
+    force_error : relative error of the contact forces, to which the stresses are proportional.
     strength_range : least and largest strength of batches of the material [Pa], if known.
     scope : where the value is judged: "outside 3 radii of the contact (4.2 mm)"; "": anywhere.
-    note : sentences on places that are not judged, and on why there is no bar.
-    cells : place [m] and size [m] of the cells that would give a bar; None if there is one.
-    layer : of a laminate: "layer 2 (top)", counted from the bottom.
+    note : sentences on places that are not judged, and on the reason for a missing error bar.
+    cells : place [m] and size [m] of cells that would give an error bar; None if there is one.
+    layer : layer of a laminate, counted from the bottom: "layer 2 (top)".
     contact : whether the contact itself yields, which the values do not include.
-    impact : number of the impact of a fall, from 1, in which it occurs; 0: of another run.
+    impact : number (from 1) of the impact of a fall in which it occurs; 0 if the run is no fall.
     """
 
     criterion: str
@@ -106,12 +106,12 @@ class Margin(ReprMixin):
 
     @property
     def has_bar(self) -> bool:
-        """Whether the mesh resolves the stress, so that it has a largest value."""
+        """Whether the mesh resolves the stress, so that its error bar is finite."""
         return self.errors is None or isfinite(self.errors[1])
 
     @property
     def remedy(self) -> str:
-        """The cells that would give a bar, and where, in words; "" if there is one."""
+        """Size and place of cells that would give an error bar, in words; "" if there is one."""
         return "" if self.cells is None else _remedy_text(self.cells)
 
     @property
@@ -155,7 +155,7 @@ class Margin(ReprMixin):
 
     @property
     def answer(self) -> str:
-        """What becomes of the part; "cannot say" of a low stress that has no bar."""
+        """Fate of the part in words; "cannot say" for a low stress without an error bar."""
         event = CRITERION_TEXTS[self.criterion][0]
         least, largest = self.bounds
         if least >= 1:
@@ -166,7 +166,7 @@ class Margin(ReprMixin):
 
     @property
     def sentence(self) -> str:
-        """The verdict with its scope, the stress that decides, and what may change the verdict."""
+        """The verdict with its scope, the decisive stress, and reasons that may change it."""
         place = f"{self.layer} at".lstrip() if self.layer else "at"
         place = f"{place} {point_text(self.point)}, {engineering(self.time, 's')}"
         if self.impact:
@@ -187,7 +187,7 @@ class Margin(ReprMixin):
 
     @property
     def _verdict(self) -> str:
-        """The answer and where it holds, with the interval of the stress if this leaves it open."""
+        """The answer and its scope, with the interval of the stress if this leaves it open."""
         told = self.answer
         least, largest = self.bounds
         if least < 1 <= largest:
@@ -198,7 +198,7 @@ class Margin(ReprMixin):
 
     @property
     def _interval(self) -> str:
-        """The stress with its bounds beside the strength with its range, in words."""
+        """The stress with its bounds, and the strength with its range, in words."""
         if not self.has_bar:
             return "the stress has no bar"
         low, high = self.stresses
@@ -268,8 +268,8 @@ class ExcludedZones(NamedTuple):
         return np.asarray(cKDTree(sharp).query(points)[0] <= self.distance)
 
     def judged_mask(self, points: Array, known: BoolArray) -> tuple[BoolArray, str]:
-        """(mask (P,) of the `known` points that are judged, text on the zones); a zone of all is
-        ignored."""
+        """(mask (P,) of the `known` points that are judged, text on the zones). A zone that would
+        exclude all points is ignored."""
         radii = sorted(zone.ball[3] for zone in self.contacts)
         ends = dict.fromkeys(engineering(radius, "m", 2) for radius in (*radii[:1], *radii[-1:]))
         of_contacts = f"{PLASTIC_ZONE_RADII:g} radii of the contact ({' to '.join(ends)})"
@@ -292,7 +292,7 @@ class ExcludedZones(NamedTuple):
 
     @property
     def edge_names(self) -> str:
-        """Names of what the part has of sharp inner edges and rigidly held faces."""
+        """Text that names the part's sharp inner edges and rigidly held faces, if it has any."""
         named = {"sharp inner edges": len(self.edges), "rigidly held faces": len(self.supports)}
         return " and ".join(name for name, count in named.items() if count)
 
@@ -307,7 +307,7 @@ def is_within(points: Array, balls: Array) -> NDArray[np.bool_]:
 
 
 class NodalExposures(NamedTuple):
-    """Largest exposures (P,) of the nodes of a part over a run, for `judged_margin`."""
+    """Largest exposures (P,) of a part's nodes over a run, for `judged_margin`."""
 
     points: Array  # (P, 3) [m]
     exposure: Array
@@ -318,8 +318,8 @@ class NodalExposures(NamedTuple):
 
 
 def judged_margin(criterion: str, nodes: NodalExposures, zones: ExcludedZones) -> Margin | None:
-    """The margin of the worst node outside the zones, None if no exposure is above zero; no bar
-    where cells differ by half of the stress or do not resolve a contact."""
+    """The margin of the worst node outside the zones; None if no exposure is above zero. It has no
+    error bar if cells differ by half of the stress or do not resolve a contact."""
     counts, scope = zones.judged_mask(nodes.points, nodes.exposure > 0)
     if not counts.any():
         return None
@@ -363,7 +363,7 @@ def judged_margin(criterion: str, nodes: NodalExposures, zones: ExcludedZones) -
 def _edge_sentences(
     criterion: str, nodes: NodalExposures, zones: ExcludedZones, left_out: BoolArray
 ) -> list[str]:
-    """A sentence on the largest stress among nodes `left_out` at sharp edges; [] without edges."""
+    """A sentence on the largest stress of the nodes `left_out` at sharp edges; [] if none is."""
     sharp = left_out & zones.at_edges(nodes.points) & ~zones.at_contacts(nodes.points)
     exposure = np.where(sharp, nodes.exposure, 0.0)
     k = int(exposure.argmax())
@@ -381,7 +381,8 @@ def _edge_sentences(
 def _hidden_stress(
     nodes: NodalExposures, contacts: Sequence[ContactZone]
 ) -> tuple[Array, ContactZone | None]:
-    """(stress (P,) [Pa] that patches or cells may hide, an unresolved contact or None)."""
+    """(contact stress (P,) [Pa] that a too large patch or cell may smear out, a contact that the
+    mesh does not resolve or None)."""
     hidden = np.zeros(len(nodes.points))
     unresolved = None
     for zone in contacts:
@@ -440,7 +441,7 @@ def ply_places(structure: Structure, quantity: str, part: str | None) -> list[Pl
 
 
 def criteria_of(structure: Structure) -> list[str]:
-    """Quantities by which materials with strengths are judged; none if a material relaxes."""
+    """Criteria by which materials with strengths are judged; [] if a material relaxes."""
     module = source(structure)
     if module.relaxes(structure):
         return []
@@ -457,7 +458,7 @@ def criteria_of(structure: Structure) -> list[str]:
 
 
 def strength_range(structure: Structure, margin: Margin) -> tuple[float, float] | None:
-    """(least, largest) strength [Pa] of the materials that have a margin's strength; or None."""
+    """(least, largest) strength [Pa] of batches of the material of a margin; None if unknown."""
     materials = source(structure).materials_of(structure, None)
     strength = margin.strength
     if margin.criterion == "tension":
@@ -484,7 +485,7 @@ def has_strength(strength: object, criterion: str) -> bool:
 
 
 def sizes_at_nodes(points: Array, cells: Sequence[tuple[str, IntArray]]) -> Array:
-    """Size (P,) [m] of the largest cell at each point: its extent along an axis."""
+    """Size (P,) [m] of the largest cell at each point; the size is the extent along an axis."""
     sizes = np.zeros(len(points))
     for _, numbers in cells:
         extent = np.ptp(points[numbers], axis=1).max(axis=1)

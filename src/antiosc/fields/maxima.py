@@ -1,14 +1,14 @@
-"""The largest value of a scalar at every node over a run, and when it occurs.
+"""The largest value of a scalar at every node over a run, and its time.
 
-The motion of a node is a sum of modes. Its largest value is at t*; near t* the curvature of the
-value is bounded by those of the modes. Samples with the step h therefore miss at most
+The motion of a node is a sum of modes. Near the largest value, its curvature in time is bounded by
+the curvatures of the modes. Samples with the step h therefore miss at most
 
     Σ_j W_j A_j min(2, (ω_j h)²/8),
 
 where A_j is the largest amplitude of mode j in the run and W_j the value at the node for an
-amplitude of 1. All nodes are looked at in some 500 steps, and those whose value is at least half of
-the largest one that counts in steps for which this bound is 1 %; a parabola through the largest
-sample of a node and its neighbours gives the value.
+amplitude of 1. All nodes are sampled at about 500 times. Nodes with at least half of the largest
+value that counts are sampled again with a step for which this bound is 1 %. A parabola through the
+largest sample of a node and its neighbours gives the value.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class BodyMotion:
 def search_of(
     history: AnyHistory, body: str, derivative: int, times: Array, *, given: bool, static: bool
 ) -> MaximumSearch:
-    """A function for `searched_maxima` over a run, or `given` times; `static`: one column more."""
+    """A function that finds maxima over a run or `given` times; `static`: one more column, 1."""
 
     def factors(at: Array) -> Array:
         """Factors (k, B) of the columns at times (k,) [s]."""
@@ -81,7 +81,7 @@ def search_of(
 
 
 def search_at_times(factors: Array, times: Array) -> MaximumSearch:
-    """A function that finds the largest values at `times` (k,), with `factors` (k, B) there."""
+    """A function that finds the largest values at `times` (k,) from `factors` (k, B)."""
 
     def search(columns: Array, scalar: ScalarFunction, _: BoolArray) -> tuple[Array, Array, None]:
         """As `searched_maxima`, without an error bound."""
@@ -97,9 +97,9 @@ def searched_maxima(
     counted: BoolArray,
     bounded: bool = True,
 ) -> tuple[Array, Array, float | None]:
-    """(largest value (S,), its time (S,) [s], bound on what is missed or None) of a `scalar`, (S,
-    n, c) -> (S, n), of components `columns` (S, c, B); `counted` (S,): nodes that decide the
-    step."""
+    """(largest value (S,), its time (S,) [s], bound on the missed share or None) of `scalar`, a
+    function (S, n, c) -> (S, n), of components `columns` (S, c, B); `counted` (S,): nodes that
+    decide the time step."""
     if not len(columns):  # they are those of another rank
         return np.zeros(0), np.zeros(0), 0.0
 
@@ -166,7 +166,7 @@ def _parabola_tops(t: Array, y: Array) -> tuple[Array, Array]:
 def _time_step(
     motion: BodyMotion, coarse: float, columns: Array, values: Array, scalar: ScalarFunction
 ) -> tuple[float, float]:
-    """(time step [s] <= `coarse`, bound on the share of a value that it misses); values : (S,)."""
+    """(time step [s] <= `coarse`, bound on the share of a value that it misses)."""
     curved = 0.0
     weights = np.zeros(len(motion.omega))
     # of the node where the modes curve the value most, relative to it
@@ -191,7 +191,7 @@ def _time_step(
 
 
 def _sample_times(nodes: Array, step: float) -> Array:
-    """Times at distances of about `step` [s]: those of the history, fewer or more of them."""
+    """Times at distances of about `step` [s]: a selection of the history's times, or more."""
     nodes = np.unique(nodes)
     if not step:
         return nodes
@@ -208,7 +208,7 @@ def _sample_times(nodes: Array, step: float) -> Array:
 
 
 def _evenly_chosen(times: Array, most: int) -> Array:
-    """At most `most` of the times, evenly chosen, the first and the last included."""
+    """At most `most` of the times, evenly chosen, including the first and the last."""
     if len(times) <= most:
         return times
     return times[np.linspace(0, len(times) - 1, most).astype(int)]
@@ -221,6 +221,6 @@ def _scalar_values(columns: RealArray, factors: RealArray, scalar: ScalarFunctio
 
 
 def _node_blocks(nodes: int, numbers: int) -> Iterator[slice]:
-    """Slices of nodes whose arrays, of `numbers` numbers a node, fit in `BLOCK_BYTES`."""
+    """Slices of nodes whose arrays, with `numbers` numbers per node, fit in `BLOCK_BYTES`."""
     size = max(1, BLOCK_BYTES // (8 * 3 * max(numbers, 1)))
     return (slice(first, first + size) for first in range(0, nodes, size))

@@ -1,5 +1,5 @@
-"""`peak_field`: the largest value of a quantity at every node over a whole run, and when it occurs;
-`PrestressedState`: the same of the static state before an impact.
+"""`peak_field`: the largest value of a quantity at every node over a whole run, and its time;
+`PrestressedState`: displacements and stresses of the static state before an impact.
 """
 
 from __future__ import annotations
@@ -75,17 +75,16 @@ class PeakField(CompletedResult):
     points : (P, 3) nodes of the mesh, m.
     values : (P,) largest value at each node.
     times : (P,) time at which it occurs, s.
-    error : bound on the underestimate of a value by sampling in time; None for given times, and of
-        a part that stretches.
+    error : bound on the relative underestimate of a value by sampling in time; None for given times
+        and for a part that stretches.
     exposure : (P,) for stresses: the share of the strength, 1 at yield or failure, 0 where no
-        strength is known; None for other quantities, and where no material has a strength.
+        strength is known; None for other quantities, and if no material has a strength.
     mesh_error : (P,) estimated mesh error of stresses of solids and sheets, in their unit: the
         deviation of the stresses of the cells around a node from their mean (Zienkiewicz and Zhu);
-        0 in beams beside them, otherwise None.
-    counts : (P,) of stresses: whether the margin judges a node; None for other quantities.
-    rounds : rounds, cells and seconds by which the stress was brought to a tolerance; "": none.
-    judged : node of the largest value; with a margin its worst point, outside the zones that
-        it leaves out (`Margin.scope`).
+        0 in beams of the same structure; None for other structures and quantities.
+    counts : (P,) for stresses: whether the margin judges a node; None for other quantities.
+    rounds : text on the rounds, cells and seconds of a stress tolerance; "" without one.
+    judged : node of the largest value; with a margin the worst judged point (`Margin.scope`).
     """
 
     quantity: str
@@ -110,7 +109,7 @@ class PeakField(CompletedResult):
         return facts
 
     def margin(self) -> Margin:
-        """How far the worst point is from yield, or from the failure of a ply.
+        """Margin of the worst point against yield, cracking or the failure of a ply.
 
         Raises
         ------
@@ -126,12 +125,12 @@ class PeakField(CompletedResult):
 
     @property
     def worst_point(self) -> Margin | None:
-        """The margin, without strengths the largest von Mises stress, or None: no stress."""
+        """The margin; without strengths the largest von Mises stress; None if not a stress."""
         return self._margin
 
     @property
     def judged(self) -> int:
-        """Node of the largest value; of the worst point of the margin if there is one."""
+        """Node of the largest value; with a margin, of its worst point."""
         if self._margin is None or not self._margin.is_stress:
             return int(np.argmax(self.values))
         return int(np.argmin(np.linalg.norm(self.points - self._margin.point, axis=1)))
@@ -141,7 +140,7 @@ class PeakField(CompletedResult):
     ) -> list[tuple[float, Array, float]]:
         """(value, point (3,) [m], time [s]) of the `count` largest values at separate places.
 
-        `apart` [m]: least distance between these; default 5 % of the size of the part.
+        `apart` [m]: least distance between the places; default: 5 % of the size of the part.
         """
         count = checks.whole("count", count)
         if apart is None:
@@ -158,7 +157,7 @@ class PeakField(CompletedResult):
 
     @property
     def largest_mesh_error(self) -> float | None:
-        """Estimated mesh error of the judged value; None without an estimate or a bar."""
+        """Estimated mesh error of the judged value; None without an estimate or error bar."""
         if self.mesh_error is None:
             return None
         if self._margin is not None and not self._margin.has_bar:
@@ -187,7 +186,7 @@ class PeakField(CompletedResult):
     def plot(
         self, path: str | os.PathLike[str] | None = None, *, view: Sequence[float] | None = None
     ) -> Figure | Path:
-        """The values on the surface of the part, the judged one marked.
+        """The values on the surface of the part, with the judged point marked.
 
         `path` and `view` as for `plotting.plot_deformed`.
         """
@@ -201,7 +200,7 @@ class PeakField(CompletedResult):
 
     @property
     def label(self) -> str:
-        """The quantity and the unit of its values in a picture: MPa for Pa."""
+        """The quantity and the unit of its values in a picture, with MPa for Pa."""
         unit = {"Pa": "MPa"}.get(self.unit, self.unit)
         name = self.quantity.replace("_", " ").replace("von mises", "von Mises stress")
         return name + (f" ({unit})" if unit else "")
@@ -221,7 +220,7 @@ class PeakField(CompletedResult):
         return DeformedSurface(self.points, displaced, faces, values, label, float(values.max()))
 
     def write(self, path: str | Path) -> Path:
-        """Write the values and their times to a `.vtu` file, which ParaView opens.
+        """Write the values and their times to a `.vtu` file for ParaView.
 
         Raises
         ------
@@ -248,7 +247,7 @@ def peak_field(
     contacts: Sequence[ContactZone] | None = None,
     r0: float | None = None,
 ) -> PeakField:
-    """The largest value of a quantity at every node over the run, and its time.
+    """The largest value of a quantity at every node over the whole run, and its time.
 
     Parameters
     ----------
@@ -259,13 +258,13 @@ def peak_field(
         "von_mises": equivalent stress; "stress", "strain": the principal value of largest size;
         "displacement", "velocity", "acceleration": the length of the vector. "tension": the
         largest principal stress of materials that crack (`tensile`); "tsai_hill", "tsai_wu",
-        "delamination": the exposure of the worst ply (`Strengths`), 1 at failure, the last one by
-        the interlaminar shear stresses that are in equilibrium with the shear forces.
+        "delamination": the exposure of the worst ply (`Strengths`), 1 at failure; "delamination"
+        uses the interlaminar shear stresses in equilibrium with the shear forces.
     times : array_like (n,), optional
-        Times in s at which the quantity is evaluated. Default: enough to resolve the fastest motion
-        of the model where the value is at least half of the largest that counts, which `error`
-        of the result bounds, and 500 elsewhere, with a parabola at the largest sample. A
-        BodyHistory is known at its own times alone.
+        Times in s at which the quantity is evaluated. Default: where the value is at least half of
+        the largest that counts, enough times to resolve the fastest motion of the model (`error` of
+        the result bounds what they miss), elsewhere 500; with a parabola at the largest sample. A
+        BodyHistory is known only at its own times.
     body : str
         As in `probe`.
     part : str, optional
@@ -273,26 +272,27 @@ def peak_field(
     surface, layer : optional
         As in `probe`; default: the larger of the top and the bottom of a sheet.
     fibre : (y, z), optional
-        As in `probe`; default: the outline of the sections of beams, which sections given by A and
-        I do not have.
+        As in `probe`; default: all points of the outline of beam sections. Sections given by A and
+        I have no outline.
     contacts : sequence of ContactZone, optional
-        Contacts of which the margin of a solid leaves out three radii; default: those of the
-        history. Near a contact that is smaller than its patch, or than the cells, the bar is wide.
+        Contacts around which the margin of a solid does not judge points within three radii;
+        default: the contacts of the history. Near a contact that is smaller than its patch or the
+        cells, the error bar is wide.
     r0 : float, optional
-        For solids: distance [m] from sharp inner edges (more than 215° within the material) and
-        rigid supports that the margin does not judge, since an elastic stress has no limit there.
-        Default: half the mean thickness of the part, its volume over its surface, so that the
-        judged stress converges with the mesh. 0: the margin judges all of it. A note of the margin
-        names the worst place that is left out.
+        For solids: the margin does not judge points within this distance [m] of sharp inner edges
+        (more than 215° within the material) and rigid supports, as elastic stress is unbounded
+        there. Default: half the mean thickness of the part (volume over surface), so that the
+        judged stress converges with the mesh. 0: all points are judged. A note of the margin names
+        the worst place that is not judged.
 
     Notes
     -----
-    At the nodes of solids, on the surface too, strains and stresses are those of the cells there
-    (not of their Gauss points), as means of the cells of one material; in sheets and beams the
-    largest of the cells is taken. At corners of quadratic cells these are too large: the margin
-    judges the middles of their edges. Near a point load or a re-entrant corner the values grow with
-    every refinement of the mesh, which `mesh_error` shows. Stresses and strains of a
-    structure with a prestress are those of the static state plus those of the impact.
+    At the nodes of solids, also on the surface, strains and stresses of the cells are evaluated at
+    the node (not at Gauss points) and averaged over the cells of one material; in sheets and beams
+    the largest of the cells is taken. At corners of quadratic cells the stresses are too large: the
+    margin judges the middles of edges. Near a point load or a re-entrant corner the values grow
+    with every refinement of the mesh, as `mesh_error` shows. With a prestress, strains and stresses
+    are the sum of the static state and the impact.
 
     Raises
     ------
@@ -375,7 +375,7 @@ def peak_field(
 
 @dataclass
 class NodalMaxima:
-    """Largest values (P,) at all points, their times, and of stresses the largest exposures."""
+    """Largest values (P,) at all points, their times, and largest exposures of stresses."""
 
     values: Array
     times: Array
@@ -396,8 +396,8 @@ class NodalMaxima:
     def add(
         self, nodes: IntArray, found: tuple[Array, Array, float | None], strength: float, ply: int
     ) -> None:
-        """Replace maxima at `nodes` (S,) by larger ones `found`; `strength`: nan if unknown; `ply`:
-        its number."""
+        """Replace maxima at `nodes` (S,) where `found` is larger; `strength`: nan if unknown;
+        `ply`: number of the ply."""
         values, times, error = found
         if error is not None:
             self.error = max(self.error or 0.0, error)
@@ -423,7 +423,7 @@ def _add_maxima(
     counts: BoolArray,
     ply: int,
 ) -> None:
-    """Add to `best` the largest values of tensors, all of equal strength in one search."""
+    """Add the largest values of `tensors` to `best`, by one search for each strength."""
     strengths = [strength for strength, _ in tensors.origins]
     for strength in dict.fromkeys(strengths):
         if quantity in margin.CRITERION_TEXTS and not margin.has_strength(strength, quantity):
@@ -439,7 +439,7 @@ def _add_maxima(
 
 
 def _scalar_and_strength(quantity: str, strength: AnyStrength) -> tuple[ScalarFunction, float]:
-    """(function that gives the scalar of a tensor, strength that judges it; nan: none)."""
+    """(function from a tensor to the scalar `quantity`, strength for it or nan if unknown)."""
     if quantity in margin.PLY_SURFACES:
         assert isinstance(strength, Strengths)
         return partial(exposure, quantity, strength), 1.0
@@ -454,7 +454,7 @@ def _scalar_and_strength(quantity: str, strength: AnyStrength) -> tuple[ScalarFu
 def _peak_field_of(
     quantity: str, unit: str, points: Array, cells: list[tuple[str, IntArray]], best: NodalMaxima
 ) -> tuple[PeakField, NodalMaxima]:
-    """(the field, its maxima) at the nodes that `cells` have."""
+    """(the field, its maxima) at the nodes of `cells`."""
     used, numbered = without_unused_nodes(cells)
     best = best.selected(used)
     exposures = best.exposure if best.exposure.any() else None
@@ -469,8 +469,8 @@ def _excluded_zones(
     r0: float | None,
     held: Array,
 ) -> ExcludedZones:
-    """Places without a margin: near edges of solids, `held` points, and contacts except on
-    beams."""
+    """Places that are not judged: near sharp edges of solids, `held` points, and contacts (except
+    on beams)."""
     module = source(structure)
     families = module.families(structure, part)
     if not families & {"solid", "sheet"}:
@@ -493,7 +493,7 @@ def _excluded_zones(
 def _with_margin(
     field: PeakField, best: NodalMaxima, structure: Structure, zones: ExcludedZones
 ) -> PeakField:
-    """The field with the margin of its worst point, or the largest von Mises stress."""
+    """The field with the margin of its worst point, or of the largest von Mises stress."""
     criterion = {"von_mises": "yield"}.get(field.quantity, field.quantity)
     exposures, strength, times = best.exposure, best.strength, best.exposure_times
     if field.exposure is None:
@@ -532,7 +532,7 @@ def _thickness_places(
 
 
 class PrestressedState(ReprMixin):
-    """The static state of a structure under its `Prestress`; `part.prestress` is one.
+    """The static state of a structure under its `Prestress`, as given by `part.prestress`.
 
     Parameters
     ----------
@@ -543,13 +543,13 @@ class PrestressedState(ReprMixin):
     ----------
     loads : Prestress
     reserve : float
-        Load factor to buckling: at which the tangent stiffness becomes singular if all loads
-        (Ω² of a spin) grow in proportion and the stiffness does too; inf above 100.
+        Load factor to buckling: the factor on all loads (Ω² of a spin) at which the tangent
+        stiffness becomes singular, if the geometric stiffness grows in proportion; inf above 100.
     points : (P, 3) nodes of the mesh, m.
     displacement : (P, 3) at the points, m.
     stress : PeakField of the von Mises stress, with `values`, `margin()` and `plot()`.
 
-    All ranks must ask for points, displacement and stress.
+    Points, displacement and stress are collective: all ranks must read them.
 
     Raises
     ------

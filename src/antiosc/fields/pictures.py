@@ -1,4 +1,4 @@
-"""Saved displacements; pictures of a part in space: quantities of a map, the deformed part."""
+"""Files of displacements; pictures of maps and of the deformed part in space."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def save_fields(
 ) -> Path:
     """Write the displacements of all nodes at many times to one compact file.
 
-    A NumPy archive, which `numpy.load` reads: `points` (P, 3) [m], the cells of part i as `cells0`,
-    `cells1`, … in VTK's order with their `kinds` by meshio's names, `shapes` (P, 3, k), `time` (n,)
-    [s] and `factors` (n, k). The displacements at time i are `shapes @ factors[i]` [m].
+    `numpy.load` reads the file. It holds `points` (P, 3) [m], the cells of part i as `cells0`,
+    `cells1`, … in VTK's order, their `kinds` (meshio's names), `shapes` (P, 3, k), `time` (n,) [s]
+    and `factors` (n, k). The displacements at time i are `shapes @ factors[i]` [m].
 
     Parameters
     ----------
@@ -93,13 +93,13 @@ MAP_QUANTITIES = {
 def plot_map(
     impact_map: Any, path: str | os.PathLike[str] | None = None, quantity: str = "peak_force"
 ) -> Figure | Path:
-    """One quantity of an impact map over the surface of the part.
+    """Picture of one quantity of an impact map over the surface of the part.
 
     Parameters
     ----------
     impact_map : ImpactMap
-        Faces of which two corners or more are doubtful, and doubtful sites that are drawn as dots,
-        are white with dark edges.
+        Faces with two or more doubtful corners, and doubtful sites drawn as dots, are white with
+        dark edges.
     path : str or Path, optional
         As for `plot_history`.
     quantity : str
@@ -146,7 +146,7 @@ def plot_map(
 
 
 def _front_faces(impact_map: Any, axes: Axes3D) -> BoolArray:
-    """Mask (T,) of the faces to draw, without back faces of solids, which openings would show."""
+    """Mask (T,) of the faces to draw: not back faces of solids, which would show in openings."""
     corners = impact_map.points[impact_map.elements]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     directions = impact_map.directions[impact_map.elements].mean(axis=1)
@@ -180,7 +180,7 @@ def plot_deformed(
     view: Sequence[float] | None = None,
     field: str | None = None,
 ) -> Figure | Path:
-    """The deformed part at one time; displacements are magnified and coloured by their magnitude.
+    """Picture of the deformed part at one time, coloured by the (magnified) displacement.
 
     Parameters
     ----------
@@ -189,14 +189,14 @@ def plot_deformed(
     path : str or Path, optional
         As for `plot_history`.
     time : float, optional
-        In s; default: the time of the largest displacement of the site, for a scene that of the
+        Time in s; default: the time of the largest displacement of the site, or for a scene of the
         largest contact force.
     point, direction : sequence of 3 floats, optional
         An arrow that ends at `point` (m) shows the impact.
     view : (elevation, azimuth), optional
         Direction of view, degrees: elevation 90 is from above, azimuth 0 from +x and 90 from +y.
     field : str, optional
-        Quantity that gives the colours in place of the displacement: one of `peak_field`, as
+        Quantity of `peak_field` that gives the colours instead of the displacement, such as
         "von_mises".
 
     Raises

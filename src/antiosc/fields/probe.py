@@ -1,8 +1,8 @@
 """Quantities at one point of a body after an impact: motion, strain, stress, section forces.
 
-The shapes of the model are evaluated once at the point (for instance their strains), and combined
-with the coordinates of the model at all times. The static shape has the stress near the site;
-points far from it, and accelerations, need more anti-oscillators than the force.
+The shapes of the model (for instance their strains) are evaluated once at the point, and combined
+with the coordinates of the model at all times. The static shape contains the stress near the site;
+points far from the site, and accelerations, need more anti-oscillators than the force.
 """
 
 from __future__ import annotations
@@ -96,30 +96,30 @@ def probe(
     history : History or BodyHistory
         A BodyHistory is `hit.bodies[name]` of a scene.
     point : sequence of floats, or str
-        Coordinates in m; the nearest point of the structure is taken, within `snap`. A text names a
-        group, in an assembly "part:group": the point next to the centroid of its entities is taken,
-        where a `Site` of the same name lies. In an assembly it may also name a reference point, or
-        a site of a superelement, which have displacements and rotations alone.
+        Coordinates in m; the nearest point of the structure within `snap` is used. A text names a
+        group, in an assembly "part:group": the point of its entities nearest to their centroid is
+        used, as for a `Site` with this text. In an assembly it may also name a reference point or a
+        site of a superelement, which have only displacements and rotations.
     quantity : str
-        "displacement" (n, 3) m, "velocity" (n, 3) m/s, "acceleration" (n, 3) m/s²: of plane parts
-        (n, 2); relative to the supports where a `Base` moves them.
-        "rotation" (n, 3) rad: of the sections of beams and shells, half the curl in solids; of
-        plane parts (n, 1).
-        "strain" (n, 3, 3): the tensor (the entry 12 is half the angle γ12). "stress" (n, 3, 3)
-        Pa. "von_mises" (n,) Pa. See `von_mises`, `principal`, `Strengths`.
-        "section_forces": of beams in space (n, 6) the forces N, Vy, Vz and moments T, My, Mz, y
-        being the height of the section; of plane beams (n, 3) N, V, M; of shells (n, 8) per width
-        N1, N2, N12, M1, M2, M12, Q1, Q2 in the axes of the laminate; 1 of a `Shell` is x along its
-        surface, or y where x is near its normal. N and N m, N/m and N.
+        "displacement" (n, 3) m, "velocity" (n, 3) m/s, "acceleration" (n, 3) m/s²; (n, 2) for plane
+        parts. They are relative to the supports if a `Base` moves these.
+        "rotation" (n, 3) rad: rotation of sections of beams and shells, half the curl in solids;
+        (n, 1) for plane parts.
+        "strain" (n, 3, 3): the tensor (its entry 12 is half the shear angle γ12). "stress"
+        (n, 3, 3) Pa. "von_mises" (n,) Pa. See `von_mises`, `principal`, `Strengths`.
+        "section_forces": for beams in space (n, 6) the forces N, Vy, Vz [N] and moments T, My, Mz
+        [N m], where y is the height of the section; for plane beams (n, 3) N, V, M; for shells
+        (n, 8) per width N1, N2, N12 [N/m], M1, M2, M12 [N], Q1, Q2 [N/m] in the axes of the
+        laminate; axis 1 of a `Shell` is x along its surface, or y if x is near its normal.
     times : array_like (n,), optional
         Times in s; default: those of the history.
     node : int
-        In place of a point: the number of a node in the file of the mesh or deck.
+        Instead of a point: the number of a node in the file of the mesh or deck.
     body : str
         The body whose structure is `structure`: "structure" or "impactor"; for a scene its name
         (default: the only one that has shapes).
     part : str, optional
-        For an assembly: the part whose nearest point is taken; default: all parts.
+        For an assembly: the part on which the nearest point is sought; default: all parts.
     surface : "top", "bottom" or "middle"
         For a shell: the surface of the sheet or of its `layer`. "top" is the side of the cell
         normals or of `Laminate(top=…)`, +z on plane meshes.
@@ -127,11 +127,11 @@ def probe(
         For a laminate: number of the layer, 0 for the lowest.
     fibre : (y, z)
         For a beam: distances from the centroid along the height and across it, m. The stress of a
-        beam is the normal stress of N, My and Mz. Default: the centroid; of "von_mises" the point
-        of the section's outline where it is largest at each time.
+        beam is the normal stress of N, My and Mz. Default: the centroid; for "von_mises" the point
+        of the section's outline with the largest value at each time.
     axes : "global" or "local"
-        Axes of tensors: those of the mesh, or those of the material: the fibres of a layer (1, 2,
-        normal), the axes of an anisotropic solid, tangent, height and side of a beam.
+        Axes of tensors: the axes of the mesh, or local axes: fibre direction, transverse direction
+        and normal of a layer; axes of an anisotropic solid; tangent, height and side of a beam.
     stiffener : str, optional
         Group of a `Beam` on the edges of a shell: strain, stress and section forces of this beam,
         at its point next to `point`.
@@ -139,31 +139,30 @@ def probe(
         Largest distance in m of the point from the structure; default: 2 % of the part's size, or
         one element.
     filter : "CFC60", "CFC180", "CFC600" or "CFC1000", optional
-        Channel frequency class of SAE J211-1, through which the signal of any quantity is seen; of
-        "von_mises" the stresses, of which it is then made. Values depend on the motion up to two
-        periods of the class before and after them (CFC1000: 2 ms). For what follows its end the run
-        is repeated for longer; before its start accelerations are 0, and other quantities as at
+        Channel frequency class of SAE J211-1 by which the signal is filtered; for "von_mises" the
+        stresses are filtered first. A filtered value depends on the motion up to two periods of the
+        class before and after it (CFC1000: 2 ms). The run is repeated for longer to obtain the
+        motion after its end; before its start accelerations are 0, and other quantities are as at
         the start.
 
     Notes
     -----
-    Strains are those of the cell that has the point, not averaged with its neighbours'. The stress
-    under the contact itself is that of the contact law (Hertz), not that of the mesh. Velocity and
-    acceleration follow from the equations of motion; they do not contain the part of the
-    displacement that follows the force without inertia (`ModalBody.residual`). No quantity includes
-    the weight of a supported body: all are measured from its equilibrium under gravity.
+    Strains are those of the cell that contains the point, not averaged with neighbouring cells.
+    The contact law (Hertz) gives the stress in the contact itself; the mesh does not contain it.
+    Velocity and acceleration follow from the equations of motion; they do not contain the part of
+    the displacement that follows the force without inertia (`ModalBody.residual`). No quantity
+    includes the weight of a supported body: all are measured from its equilibrium under gravity.
 
-    The error by the number of anti-oscillators is no part of the result, and that of accelerations
-    and of stresses far from the site may be large: `probe_error` with the same arguments gives it,
-    which `antiosc run` adds to that of the force as the bar of each probe.
+    The result does not include the error due to the number of anti-oscillators, which may be large
+    for accelerations and for stresses far from the site: `probe_error` with the same arguments
+    estimates it. `antiosc run` adds it to the error of the force as the error bar of each probe.
 
     Raises
     ------
     InputError
         A model without shapes, or extracted from another structure; a quantity that the element
-        family does not have; a stress of materials that relax; a layer, a part or a group that does
-        not exist; a point that lies
-        too far from the structure; an unknown filter, or one for a BodyHistory.
+        family does not have; a stress of materials that relax; an unknown layer, part or group; a
+        point too far from the structure; an unknown filter, or a filter for a BodyHistory.
 
     Warns
     -----
@@ -191,7 +190,7 @@ def probe(
     derivative = DERIVATIVE_ORDERS.get(quantity, 0) - is_rate
 
     def signal(run: AnyHistory, at_times: Array) -> Array:
-        """The quantity (n, places, …) of a run at times, or the motion that it is a rate of."""
+        """The quantity (n, places, …) of a run at times; for a rate, the motion itself."""
         factors = shape_factors(run, at_times, body, derivative)
         return np.stack([np.moveaxis(x @ factors.T, -1, 0) for x in columns], axis=1)
 
@@ -207,7 +206,7 @@ def probe(
 
 
 def _reach_of_point(point: object, snap: float | None) -> Reach:
-    """How far the point may be moved onto the structure: `snap`; to a named group without limit."""
+    """Limit for moving the point onto the structure: `snap`; by default none for a named group."""
     if snap is not None:
         snap = inf if checks.is_rigid(snap) else checks.positive("snap", snap, "m")
     elif isinstance(point, str):
@@ -222,7 +221,7 @@ def probed_point(
     part: str | None = None,
     snap: float | None = None,
 ) -> Array | None:
-    """The point (3,) [m] of a probe; None for matrices, and for points without a mesh.
+    """The point (3,) [m] of a probe; None for matrices and for points without a mesh.
 
     InputError for a point that is off the structure.
     """
@@ -241,7 +240,7 @@ def probed_point(
 
 
 def _outline_places(structure: Structure, part: str | None, position: Place) -> list[Place]:
-    """Places on the outlines of beam sections for the von Mises stress; for others `position`."""
+    """Places for the von Mises stress on the outlines of beam sections; else `[position]`."""
     materials = source(structure).materials_of(structure, part, position.stiffener)
     sections = [getattr(material, "section", None) for material in materials]
     of_beams = [section for section in sections if isinstance(section, Section)]
@@ -273,7 +272,7 @@ def strain_gauge(
     layer: int | None = None,
     fibre: Sequence[float] = (0.0, 0.0),
 ) -> Array:
-    """Signal (n,) of a strain gauge: mean strain along `direction` over its length.
+    """Signal (n,) of a strain gauge: the mean strain along `direction` over the gauge length.
 
     Parameters
     ----------
@@ -282,9 +281,9 @@ def strain_gauge(
     point : sequence of floats, or str
         The middle of the gauge, m; a text names a group as in `probe`.
     direction : sequence of 2 or 3 floats
-        Along which it measures.
+        Direction in which the gauge measures.
     length : float
-        Its length, m.
+        Length of the gauge, m.
 
     Raises
     ------
@@ -351,8 +350,7 @@ def _filtered_derivative(
     signal: Callable[[AnyHistory, Array], Array],
     derivative: int,
 ) -> Array:
-    """Filtered derivative of `signal(history, t)` (n, …); the filter may need a longer, repeated
-    run."""
+    """Filtered derivative of `signal(history, t)` (n, …); the run may be repeated for longer."""
     if not isinstance(history, RunHistory):
         raise InputError(
             "a filter needs motion before and after the times: probe the scene's history with body."
@@ -393,13 +391,13 @@ def _filtered_derivative(
 
 
 class ProbeError(float):
-    """Relative error of the largest value of a probe, the sum of its shares; inf without a bar.
+    """Relative error of the largest value of a probe, a sum of shares; inf without an error bar.
 
     Attributes
     ----------
-    truncation : share by the number of anti-oscillators; from a tenth on it is no bound.
-    force : that of the force, which the value follows; None where it has no bar.
-    mesh : that of the motion on this mesh; None where it is not estimated.
+    truncation : share due to the number of anti-oscillators; from 0.1 on it is not a bound.
+    force : share due to the error of the force; None if the force has no error bar.
+    mesh : share due to the mesh error of the motion; None if it is not estimated.
     """
 
     truncation: float
@@ -437,22 +435,22 @@ def probe_error(
 ) -> ProbeError:
     """Relative error of the largest value of a `probe`.
 
-    It is the sum of three: `.truncation`, the largest difference to the same impact with half of
-    the anti-oscillators; `.mesh`, the change of the largest value on the model that is corrected
-    for its mesh, times the safety of the budget; `.force`, that of
-    `hit.error_budget["peak_force"]` beside its truncation. Without the last two, and where the
-    first is a tenth or more, it is infinite: extract with `error="estimate"`, and more
-    anti-oscillators. Of a part that stretches linear runs are compared.
+    It is the sum of three shares: `.truncation`, the largest difference to the same impact with
+    half of the anti-oscillators; `.mesh`, the change of the largest value on the model corrected
+    for its mesh error, times the safety factor of the budget; `.force`, the error in
+    `hit.error_budget["peak_force"]` without its truncation. It is infinite if one of the last two
+    is missing (extract with `error="estimate"`) or the first is 0.1 or more (take more
+    anti-oscillators). For a part that stretches, linear runs are compared.
 
     Parameters
     ----------
     structure, history, point, quantity, times, **options
-        As for `probe`; the history is that of `simulate` or `strike`, which is simulated again.
+        As for `probe`; the history is from `simulate` or `strike` and is simulated again.
 
     Raises
     ------
     InputError
-        As `probe`; a history of a scene, and a model with less than two anti-oscillators.
+        As `probe`; a history of a scene; a model with fewer than two anti-oscillators.
     """
     checks.choice("quantity", quantity, PROBED_QUANTITIES)
     checks.instance("history", history, History, "a History of simulate or strike")
@@ -467,11 +465,11 @@ def probe_error(
     tol = min(max(history.error.get("force", MAX_TIME_ERROR), MIN_TIME_ERROR), MAX_TIME_ERROR)
 
     def values(run: History) -> Array:
-        """Signed components (n, c) of the quantity; of motions their vectors."""
+        """Signed components (n, c) of the quantity; for motions their vectors."""
         return probe(structure, run, point, quantity, at, **options).reshape(len(at), -1)
 
     def largest(signal: Array) -> float:
-        """Largest length of a motion's vector; of other quantities largest size of a component."""
+        """Largest length of a motion's vector, or largest size of another quantity's component."""
         is_motion = quantity in MOTION_QUANTITIES
         sizes = np.linalg.norm(signal, axis=1) if is_motion else np.abs(signal[:, k])
         return float(sizes.max())

@@ -58,7 +58,7 @@ class ShockSpectrum(CompletedResult):
     def plot(self, path: str | os.PathLike[str] | None = None, unit: str = "m/s²") -> Figure | Path:
         """The spectrum over the frequency, both logarithmic; written to `path` if it is given.
 
-        unit: that of the signal.
+        `unit` is the unit of the signal.
         """
         unit = checks.text("unit", unit)
         figure = new_figure((7.0, 4.0), shown=path is None)
@@ -95,11 +95,11 @@ def srs(
     """Shock response spectrum: extreme absolute accelerations of oscillators on a moving base.
 
     Each oscillator has the natural frequency f and the damping ratio ζ = 1/(2Q) and rests at the
-    start; the base has the acceleration `a`, linear between samples, for which the response is
-    exact (the ramp-invariant filter of D. O. Smallwood, Shock and Vibration Bulletin 51 (1981)
-    279-288). It is followed for one period of the oscillator beyond the signal. The signal is
-    interpolated so that the period of each oscillator has 20 samples or more; the extremes between
-    them are those of parabolas (about 1e-4).
+    start. The base has the acceleration `a`, linear between samples, for which the response is
+    exact (ramp-invariant filter of D. O. Smallwood, Shock and Vibration Bulletin 51 (1981)
+    279-288). The response is computed until one period of the oscillator after the signal. The
+    signal is interpolated to at least 20 samples per period of each oscillator; parabolas give the
+    extremes between samples (to about 1e-4).
 
     The accelerations of a struck structure contain its highest natural frequencies, which samples
     at usual steps do not resolve: their spectrum is then wrong at low frequencies too. Give
@@ -113,13 +113,13 @@ def srs(
     a : array_like (n,)
         The signal, for instance m/s²; with `signal="velocity"` the velocity, for instance m/s.
     frequencies : array_like (m,), optional
-        Hz; default: 48 a decade from 10 Hz, or from 1/duration if that is lower, to a twentieth of
-        the rate of samples, or to `resolved` if that is lower.
+        Natural frequencies, Hz; default: 48 per decade, from the lower of 10 Hz and 1/duration to
+        the lower of a twentieth of the sampling rate and `resolved`.
     Q : float
         1/(2ζ), above 0.5.
     signal : "acceleration" or "velocity"
-        The quantity of `a`. For a velocity, the acceleration is constant between samples, and zero
-        after the last one: a velocity that still rings there makes the spectrum too large.
+        The quantity of `a`. For a velocity, the acceleration is constant between samples and zero
+        after the last one: a velocity that still oscillates there makes the spectrum too large.
     resolved : float
         Frequency in Hz up to which the signal is known (`resolved_frequency` of its model).
 
@@ -161,7 +161,7 @@ def _default_frequencies(t: Array, resolved: float) -> Array:
 
 
 def _checked_signal(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
-    """(times, values) as arrays of one length; of equal times (jumps) one is kept."""
+    """(times, values) as arrays of equal length; one of several equal times (jumps) is kept."""
     time = checks.column("t", t)
     value = checks.column("the signal", x, time.size)
     if np.any(np.diff(time) < 0):
@@ -173,7 +173,7 @@ def _checked_signal(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
 
 
 def _even_step(t: Array) -> tuple[float, bool]:
-    """(step [s] of equally spaced times or of a replacement, whether they are equally spaced)."""
+    """(step [s] of the times or of a replacement, whether the times are equally spaced)."""
     steps = np.diff(t)
     mean = float(t[-1] - t[0]) / steps.size
     if np.abs(steps - mean).max() <= STEP_TOLERANCE * mean:
@@ -195,7 +195,7 @@ def _resampled(t: Array, x: Array, step: float) -> tuple[Array, Array]:
 
 
 def _checked_samples(samples: float) -> float:
-    """`samples`; InputError for more than `MAX_SAMPLES`."""
+    """Returns `samples`; InputError for more than `MAX_SAMPLES`."""
     if samples > MAX_SAMPLES:
         raise InputError(
             f"the signal would have {samples:.3g} samples, more than {MAX_SAMPLES:g}: give fewer "
@@ -234,7 +234,7 @@ def _oscillator_acceleration(f: float, Q: float, h: float, hold: str, x: Array) 
 
 
 def _largest_response(y: Array) -> float:
-    """Largest value, at least 0, of a response, by the parabola through its largest sample."""
+    """Largest value of a response, at least 0, by the parabola at its largest sample."""
     k = int(np.argmax(y))
     top = float(y[k])
     if 0 < k < y.size - 1:

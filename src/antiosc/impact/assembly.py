@@ -1,6 +1,6 @@
-"""Assembly of a scene: modes, rows and loads of the march, and estimates for its contacts.
+"""Assembly of a scene: modes, rows and loads for time integration, and estimates of its contacts.
 
-The estimated depth, speed, duration and stiffness of contacts give the first step of the march. No
+The estimated depth, speed, duration and stiffness of contacts determine the first time step. No
 result depends on them except the default tangential stiffness of friction, for which the depth is
 computed accurately.
 """
@@ -32,10 +32,10 @@ DEPTH_TOL = 0.1  # relative error of a depth
 def largest_indentation(
     law: ContactLaw, speed: float, energy: float, load: float, bound: float, rtol: float = DEPTH_TOL
 ) -> float:
-    """Largest indentation [m] of a blow on a law, within the relative error `rtol`.
+    """Largest indentation [m] of an impact with a contact law, within the relative error `rtol`.
 
     speed : closing speed [m/s]; energy : kinetic energy [J] of the approach; load : force [N] that
-    presses the bodies together; bound : of the indentation [m].
+    presses the bodies together; bound : upper bound on the indentation [m].
     """
     kernel, memory = packed_law(law)
     depth = library.library.aom_law_deepest(byref(kernel), speed, energy, load, bound, rtol)
@@ -98,9 +98,9 @@ def _tangential_stiffness(
 ) -> float:
     """Tangential stiffness [N/m] of a contact without its patches of the compliance `local`.
 
-    The default is a share of the mean normal stiffness over a half-sine contact, the larger one of
-    loading and unloading. By Cerruti's solution, the tangential compliance of a patch with
-    axisymmetric pressure is 1/MINDLIN times the normal one, whatever the pressure.
+    The default is a share of the mean normal stiffness (the larger one of loading and unloading)
+    over a half-sine contact. By Cerruti's solution, the tangential compliance of a patch is
+    1/MINDLIN times its normal compliance for any axisymmetric pressure.
     """
     stiffness = contact.tangential_stiffness
     if stiffness is None:
@@ -123,7 +123,7 @@ def _tangential_stiffness(
 
 
 def effective_mass(beta: Array, omega: Array) -> float:
-    """Estimated mass [kg] behind a contact, of its rigid-body modes and its static deflection."""
+    """Estimated mass [kg] behind a contact, from rigid-body modes and static deflection."""
     rigid = omega == 0
     b = beta[rigid]
     mobility = float(b @ b)
@@ -152,7 +152,7 @@ def _largest_component(beta: Array, modal: Array) -> Array:
 
 
 def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
-    """(law less the half-space compliance `local` [m/N] of the patches, notes on the ends a, b)."""
+    """(law minus the patches' half-space compliance `local` [m/N], notes on the ends a, b)."""
     if local == 0.0 or law.compliance > 0.0:
         return law, []
 
@@ -179,13 +179,13 @@ class Assembly:
     G: Array  # (m, P) the rows: contacts, then the tangential rows of their friction
     laws: list[ContactLaw]  # contact laws, without the compliance of patches; `notes` say so
     notes: list[str]
-    system: System  # the system that the march integrates
+    system: System  # the system that is integrated in time
     contact_time_estimate: float  # shortest expected contact time [s]
-    #: second-order forces of the bodies that stretch, which have rows in the march
+    #: second-order forces of the bodies that stretch, which have further rows in `system`
     stretch_forces: Mapping[str, Stretch] = field(default_factory=dict, kw_only=True)
-    #: relative change of the largest force of a contact by these
+    #: relative change of the largest contact force due to second-order forces
     stretch_effect: float = field(default=0.0, kw_only=True)
-    #: whether more of them would change the results by no more than the tolerance
+    #: whether more second-order modes would change the results by no more than the tolerance
     stretch_converged: bool = field(default=True, kw_only=True)
     #: energy of second-order strain at the largest force over the linear energy, of a solid that is
     #: taken as linear because it is small; 0.0 for others
@@ -210,7 +210,7 @@ class Assembly:
 
 
 def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
-    """Assemble a scene for integration; InputError for parts that do not fit together."""
+    """Assemble a scene for time integration; InputError for parts that do not fit together."""
     bodies = {n: scene_body(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
     stacked = scene_parts.stacked_bodies(bodies)
     find = scene_parts.find_site
@@ -265,7 +265,7 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
 def _laws_without_patches(
     scene: SceneParts, local_compliances: Array
 ) -> tuple[list[ContactLaw], list[str]]:
-    """The laws of all contacts by `without_patch`, and all notes."""
+    """(laws of all contacts after `without_patch`, all notes)."""
     laws = []
     notes = []
     for contact, local in zip(scene.contacts, local_compliances.tolist(), strict=True):

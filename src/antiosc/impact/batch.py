@@ -1,6 +1,6 @@
 """Many impacts at once, and objects with many values.
 
-Every scene of `simulate_many` is integrated as `simulate` does it.
+`simulate_many` integrates every scene as `simulate` does.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def sweep(make: Callable[..., T], **values: object) -> list[T]:
     make : callable
         A constructor, or any function of the keywords.
     values
-        Every keyword is one value for all or a sequence; all sequences must have the same length.
+        Each keyword is one value for all objects or a sequence; sequences have equal lengths.
 
     Returns
     -------
@@ -112,15 +112,15 @@ def simulate_many(
 ) -> Many:
     """`simulate` for many scenes.
 
-    Of the warnings of `simulate`, those on truncation, cells, large deflections and rotations are
-    left out: simulate the hardest blow alone.
+    The warnings of `simulate` on truncation, cells, large deflections and rotations are left out;
+    for them, simulate the impact with the largest force alone.
 
     Parameters
     ----------
     models, impactors, contacts
-        As for `simulate`: one for all scenes, or a sequence with one per scene (see `sweep`).
+        As for `simulate`: one for all scenes, or a sequence of one for each scene (see `sweep`).
     duration, step, initial_velocity, gravity, gap : float or (S,)
-        As for `simulate`, for all scenes or one per scene.
+        As for `simulate`: one for all scenes, or one for each scene.
     method, n, tol, max_contacts, max_steps
         As for `simulate`.
 
@@ -128,9 +128,8 @@ def simulate_many(
     -------
     Many
         In the order of the scenes, with `peak_force`, `impulse`, `contact_time` and `restitution`
-        (NaN where it is not defined). A scene whose integration fails, for instance because its
-        force leaves the range of its law, is among the `failures`, with NaN for numbers; a warning
-        names it.
+        (NaN if not defined). A scene whose integration fails, for instance because its force leaves
+        the range of its law, is among the `failures` and has NaN results; a warning names it.
 
     Raises
     ------
@@ -217,7 +216,7 @@ class _SceneResult:
 
     @property
     def needed_radius(self) -> float:
-        """Radius [m] of the patch that its force needs, if the force exceeds its law; else 0."""
+        """Radius [m] of the patch that the force needs if it exceeds the law's range; else 0."""
         return getattr(self.failure, "radius", None) or 0.0
 
 
@@ -271,7 +270,7 @@ def _result_of(
     pair: ModalPair,
     settings: Settings,
 ) -> _SceneResult | None:
-    """The result by an outcome of the C library; None if the impact must be integrated alone."""
+    """The result from an outcome of the C library; None if it must be integrated separately."""
     answer, contacts, touches, goes_on, _, numbers, *others = outcome
     force, peak, certain, end, contact_time_estimate, *_ = others
     if answer == library.FULL or answer >= library.LAW_FAILED:

@@ -1,6 +1,6 @@
-"""Bodies of a scene: impactors, also by the name of a standard, obstacles, rigid bodies, models.
+"""Bodies of a scene: impactors (also standard ones by name), obstacles, rigid bodies, models.
 
-For a scene, every body is a set of modes with the displacements of its sites, its initial motion
+In a scene, every body is a set of modes with the displacements of its sites, its initial motion
 and its inertia (`SceneBody`). A site has one or more columns, each a displacement along a direction
 in space; bodies without directions (a `RigidMass`, a model made by hand) have one column.
 """
@@ -47,16 +47,16 @@ class RigidMass(Checked, Body):
     Parameters
     ----------
     mass : float
-        [kg].
+        Mass [kg].
     velocity : float
-        [m/s], > 0 toward the structure.
+        Velocity [m/s], > 0 toward the structure.
     tip_radius, E, nu : float, optional
-        Radius [m] of its spherical tip, Young's modulus [Pa] and Poisson's ratio of the tip;
+        Radius [m] of the spherical tip, Young's modulus [Pa] and Poisson's ratio of the tip;
         `hertz` needs all three.
     yield_strength : float, optional
         Yield strength of the tip [Pa].
     material : str or a material, optional
-        Material of the tip, in place of E, nu and yield_strength: a name, as for `material`, or a
+        Material of the tip, instead of E, nu and yield_strength: a name, as for `material`, or a
         `Solid`.
     """
 
@@ -90,8 +90,8 @@ class RigidMass(Checked, Body):
     def hertz(
         self, E: float, nu: float, radii: float | tuple[float, float] = inf, angle: float = 0.0
     ) -> Hertz:
-        """Hertz's law of its tip against a surface of modulus E [Pa], Poisson's ratio nu and these
-        radii [m].
+        """Hertz's law of the tip against a surface of modulus E [Pa], Poisson's ratio nu and
+        `radii` [m].
 
         InputError for a mass without tip_radius, E and nu.
         """
@@ -113,17 +113,17 @@ class Sphere(FieldsRepr, Body):
     Parameters
     ----------
     radius : float
-        [m].
+        Radius [m].
     E, nu, rho : float
         Young's modulus [Pa], Poisson's ratio, density [kg/m^3].
     velocity : float
-        [m/s], > 0 toward the structure.
+        Velocity [m/s], > 0 toward the structure.
     mass : float
-        [kg], in place of rho.
+        Mass [kg], instead of rho.
     yield_strength : float, optional
-        [Pa].
+        Yield strength [Pa].
     material : str or a material, optional
-        In place of E, nu, rho and yield_strength: a name, as for `material`, or a `Solid`.
+        Instead of E, nu, rho and yield_strength: a name, as for `material`, or a `Solid`.
     """
 
     radius: float
@@ -188,7 +188,7 @@ class Sphere(FieldsRepr, Body):
     def hertz(
         self, E: float, nu: float, radii: float | tuple[float, float] = inf, angle: float = 0.0
     ) -> Hertz:
-        """Hertz's law against a surface of modulus E [Pa], Poisson's ratio nu and these radii."""
+        """Hertz's law against a surface of modulus E [Pa], Poisson's ratio nu and `radii` [m]."""
         return Hertz.from_radii(self.radius, self.E, self.nu, radii, E, nu, angle)
 
     def modal(self) -> ModalBody:
@@ -234,9 +234,9 @@ class Obstacle(FieldsRepr, Body):
 class Impactor(FieldsRepr, Body):
     """Any linear body as impactor, such as a second `AntiOscillators` (Article Fig. 1).
 
-    Its contact point is the site of its model; the contact force acts in the direction of that
-    site. `velocity` is a number [m/s], > 0 toward the structure, or a `Motion` in the axes of its
-    own mesh, as `initial_velocity` of `simulate`. It must be 0 for a supported body.
+    Its contact point is the site of its model; the contact force acts in the direction of the site.
+    `velocity` is a number [m/s], > 0 toward the structure, or a `Motion` in the axes of the
+    impactor's mesh, as `initial_velocity` of `simulate`. It must be 0 for a supported body.
     """
 
     body: LinearBody
@@ -278,7 +278,7 @@ ICE_DENSITY = 917.0
 
 @dataclass(frozen=True, repr=False)
 class NamedImpactor(FieldsRepr):
-    """A named impactor with the source of its numbers; None: the source does not give it."""
+    """A named impactor with the source of its numbers; None for a number not in the source."""
 
     name: str  #: its name in `named_impactor`
     source: str  #: the document that gives the numbers
@@ -292,7 +292,7 @@ class NamedImpactor(FieldsRepr):
     note: str = ""  #: unknown properties, and choices left to the user
 
     def law(self) -> Gonthier:
-        """The law with its stiffness and restitution; InputError if the source gives none."""
+        """The contact law from stiffness and restitution; InputError if the source has none."""
         if self.stiffness is None or self.restitution is None:
             raise InputError(
                 f"the source on the {self.name} has no stiffness and no restitution: give a "
@@ -324,7 +324,7 @@ _TYRE_NOTE = "the stiffness of the tyres is not in the sources: give a contact l
 
 
 def _hammer(name: str, energy: float, mass: float, radius: float) -> NamedImpactor:
-    """A hammer of IEC 60068-2-75 of this energy [J]; up to 1 J its tip is polyamide."""
+    """A hammer of IEC 60068-2-75 of this energy [J]; up to 1 J the tip is polyamide."""
     steel = energy > 1
     speed = sqrt(2 * energy / mass)
     note = "" if steel else _POLYAMIDE_NOTE
@@ -333,7 +333,7 @@ def _hammer(name: str, energy: float, mass: float, radius: float) -> NamedImpact
 
 
 def _pendulum(number: int, height: float) -> NamedImpactor:
-    """The twin-tyre pendulum of EN 12600 from its drop height [m]."""
+    """The twin-tyre pendulum of EN 12600 for a drop height [m]."""
     return NamedImpactor(
         f"EN 12600 class {number}",
         _PENDULUM_SOURCE,
@@ -403,7 +403,7 @@ def named_impactor(
         "ice ball", "hail 25 mm", "hail 45 mm". `antiosc.IMPACTORS[name]`
         has its numbers, their source, and unknown properties.
     velocity : float, optional
-        [m/s]; default: that of the test, √(2 energy/mass) or √(2 g h). Balls need it.
+        Velocity [m/s]; default: as in the test, √(2 energy/mass) or √(2 g h). Required for balls.
     diameter : float
         Diameter [m] of the steel ball and the ice ball.
 
@@ -451,25 +451,24 @@ SUPPORTED_MOMENTUM_SHARE = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RigidBody(FieldsRepr):
-    """A rigid body with several sites; it moves in space, its rotations are small.
+    """A rigid body with several sites that moves in space with small rotations.
 
     Parameters
     ----------
     mass : float
-        [kg].
+        Mass [kg].
     inertia : array_like, shape (3,) or (3, 3)
         Principal moments about the axes, or the inertia tensor, about the centre [kg m^2].
     sites : mapping
-        Name -> (point, direction): place (3,) [m] and the direction (3,) in which the contact
-        pushes the body there.
+        Name -> (point, direction): place (3,) [m], and direction (3,) in which the contact pushes
+        the body there.
     centre : array_like, shape (3,)
         Centre of mass [m].
 
     Raises
     ------
     InputError
-        For a mass that is not > 0 and an inertia that is not positive definite, or that no body
-        has.
+        A mass that is not > 0; an inertia that is not positive definite or physically impossible.
     """
 
     mass: float
@@ -558,7 +557,7 @@ class SceneBody:
 
     @property
     def sites(self) -> dict[str, tuple[int, ...]]:
-        """The columns of each site; none of an obstacle, which does not move."""
+        """The columns of each site; empty for an obstacle, which does not move."""
         if isinstance(self.body, Obstacle):
             return {"": ()}
         return self.modes.columns
@@ -570,12 +569,12 @@ class SceneBody:
 
     @property
     def info(self) -> ModelInfo:
-        """The record of the user's object; an empty one if it has none."""
+        """The record `info` of the user's object; an empty record if it has none."""
         return info_of(self.body)
 
     @property
     def stretch(self) -> Stretch | None:
-        """Its second-order forces; None: it is linear."""
+        """Second-order forces of the body; None if it is linear."""
         return stretch_of(self.body)
 
     def site_directions(self, site: str) -> Array | None:
@@ -594,12 +593,12 @@ class SceneBody:
 
     @property
     def supported(self) -> bool:
-        """Whether no rigid-body mode moves a site; displacements are then from equilibrium."""
+        """Whether no rigid-body mode moves a site; displacements then count from equilibrium."""
         return not bool(np.any(self.modes.B[self.omega == 0] != 0))
 
     @property
     def grounded(self) -> bool:
-        """Whether motion of the ground excites the body: it is an obstacle, or supported."""
+        """Whether motion of the ground excites the body: an obstacle, or a supported body."""
         rigid = self.omega == 0
         if isinstance(self.body, Obstacle) or not rigid.any():
             return True

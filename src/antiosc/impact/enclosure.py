@@ -1,15 +1,15 @@
-"""Bounds on the contact forces of the assembled structure, with all modes that a model leaves out.
+"""Bounds on the contact forces of the assembled structure with all modes that a model leaves out.
 
 The displacements ũ of a Krylov model leave the residual -(K + sM) w f(t) in the structure
-(`antiosc.models.recurrence`). Lifted by z = -w f, which does not move the site, the error
-e = u - ũ - z of a run is driven by Mw (∂² - s) f and by what damping leaves. The relative energy
-of e and of the contacts' potentials bounds the difference of the indentations, and so the forces:
-one scalar beside the run (`csrc/enclosure.c`). The run gives the forces of the reference motion and
-nothing else; what its steps leave of the contact laws is inside the bounds.
+(`antiosc.models.recurrence`). With the lift z = -w f, which does not move the site, the error
+e = u - ũ - z of a run is driven by Mw (∂² - s) f and by the residual of the damping. The relative
+energy of e and of the contacts' potentials bounds the difference of the indentations, and hence the
+forces; it is integrated as one scalar along the run (`csrc/enclosure.c`). Only the forces of the
+reference motion are taken from the run; the bounds include its errors in the contact laws.
 
-The difference D of two indentations, of an energy below E and P = ∫√(2E) dt, has
-D²/Y(x) + 2 H(D) <= 2E + xP² for every x > 0, where Y(x) = Σ bᵀ(K + xM)⁻¹b of all bodies and H is
-the relative energy of the law.
+The difference D of two indentations with relative energy below E satisfies, for every x > 0,
+D²/Y(x) + 2 H(D) <= 2E + xP² with P = ∫√(2E) dt. Y(x) is the sum of bᵀ(K + xM)⁻¹b of all bodies, and
+H the relative energy of the law.
 """
 
 from __future__ import annotations
@@ -95,11 +95,11 @@ def proved_error(proof: Enclosure, quantity: str, value: float) -> float:
 
 
 class _ReferenceBody(NamedTuple):
-    """A body in its reference modes: frequencies, decay, columns of the contacts, load, start."""
+    """A body in its reference modes: frequencies, decay, contact columns, load, start velocity."""
 
     omega: Array
     decay: Array
-    lag: Array  # of modes that follow their force, 0 for the others
+    lag: Array  # of modes that follow their force; 0 for other modes
     beta: Array
     load: Array
     v: Array
@@ -109,8 +109,7 @@ class _ReferenceBody(NamedTuple):
 
 
 def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosure, ...]:
-    """The narrowest bounds on each force; with `tol` those of the fewest vectors that achieve
-    it."""
+    """The narrowest bounds on each force; with `tol`, bounds of the fewest vectors that meet it."""
     _check_run(assembly, run)
     bodies = assembly.bodies.values()
     sizes = consecutive_slices([body.omega.size for body in bodies])
@@ -159,12 +158,12 @@ def max_peak_width(found: Sequence[Enclosure]) -> float:
 
 
 def _refusal_of(assumption: str) -> InputError:
-    """The error for a run outside the assumptions of the proof."""
+    """The error for a run that does not satisfy an assumption of the proof."""
     return InputError(f"the proof assumes {assumption}")
 
 
 def _check_run(assembly: Assembly, run: Run) -> None:
-    """InputError for a run whose bodies, loads or contacts are outside the assumptions."""
+    """InputError for a run whose bodies, loads or contacts do not satisfy the assumptions."""
     system = assembly.system
     if assembly.stretches:
         raise _refusal_of("linear bodies, and one of these stretches: extract it without stretch.")
@@ -190,7 +189,7 @@ def _check_run(assembly: Assembly, run: Run) -> None:
 
 
 def _proof_law(law: ContactLaw) -> tuple[ContactLaw, float]:
-    """(law by which the proof replaces a contact law, force [N] up to which they agree)."""
+    """(law that replaces a contact law in the proof, force [N] up to which both agree)."""
     kernel = packed_law(law)[0]
     if getattr(law, "elastic_share", 0.0) > MAX_ELASTIC_SHARE:
         raise _refusal_of(
@@ -208,7 +207,7 @@ def _proof_law(law: ContactLaw) -> tuple[ContactLaw, float]:
 
 
 def _max_vectors(body: SceneBody) -> int:
-    """Largest number of Krylov vectors of a body, 0 for a rigid one; InputError without any."""
+    """Largest number of Krylov vectors of a body, 0 for a rigid body; InputError without any."""
     model = body.body
     inner = getattr(model, "body", model)  # of an `Impactor`
     if isinstance(inner, AntiOscillators):
@@ -236,7 +235,7 @@ def _max_vectors(body: SceneBody) -> int:
 
 
 def _reference_body(assembly: Assembly, body: SceneBody, span: slice, n: int) -> _ReferenceBody:
-    """A body of the run (modes `span`) in reference modes by `n` vectors, or a rigid body."""
+    """A body of the run (modes `span`) in the reference modes of `n` vectors, or a rigid body."""
     system = assembly.system
     beta, v, load = system.beta[:, span], system.v[span], system.loads[0, span]
     inner = getattr(body.body, "body", body.body)
@@ -260,7 +259,7 @@ def _reference_body(assembly: Assembly, body: SceneBody, span: slice, n: int) ->
     rigid = modes.omega == 0
 
     def of_rigid(values: Array) -> Array:
-        """Modal values of the motion of the sites by the rigid modes."""
+        """Modal values that the rigid-body modes have, from `values` at the sites."""
         moved = np.zeros(rigid.size)
         motion = B[~elastic].T @ values[~elastic]
         moved[rigid] = np.linalg.lstsq(modes.b[rigid].T, motion, rcond=None)[0]
@@ -290,7 +289,7 @@ def _reference_body(assembly: Assembly, body: SceneBody, span: slice, n: int) ->
 
 
 def _compliances(bodies: Sequence[_ReferenceBody], x: Array) -> Array:
-    """Upper bounds (m, n) [m/N] of Σ bᵀ(K + xM)⁻¹b of the contacts, x (n,) [rad²/s²]."""
+    """Upper bounds (m, n) [m/N] of Σ bᵀ(K + xM)⁻¹b for m contacts and x (n,) [rad²/s²]."""
     H = np.zeros((len(bodies[0].beta), x.size))
     for body in bodies:
         if body.modes is None:
@@ -304,7 +303,8 @@ def _compliances(bodies: Sequence[_ReferenceBody], x: Array) -> Array:
 
 
 def _residual_channels(bodies: Sequence[_ReferenceBody]) -> tuple[Array, Array, Array]:
-    """Residuals that drive (k, 5, J), those of damping (l, 5, J), brakes (J,): csrc/enclosure.c."""
+    """(driving residuals (k, 5, J), residuals of damping (l, 5, J), bounds `brake` (J,)), for
+    csrc/enclosure.c."""
     size = sum(body.omega.size for body in bodies)
     places = consecutive_slices([body.omega.size for body in bodies])
     rows, losses, brake = [np.zeros((0, 5, size))], [np.zeros((0, 5, size))], np.zeros(size)

@@ -1,13 +1,13 @@
 """The error budget of an impact: errors due to mesh, truncation, steps, patch and law.
 
 The mesh error is the difference between the impacts on the model and on its corrected model
-(`antiosc.models.parameters`), times a factor of safety, which is larger if strain errors are a
-large share of the energy. Each quantity has at least half of the largest error, as one may vanish
-by chance. For a shell, error and misfit have opposite signs and may cancel: the larger difference
-of that with and that without the misfit is taken.
+(`antiosc.models.parameters`), times a safety factor, which is larger if strain errors are a large
+share of the energy. Each quantity gets at least half of the largest error, as an error may vanish
+by chance. For a shell, error and misfit have opposite signs and may cancel: the larger of the
+differences with and without the misfit is taken.
 
-"noise": the record of a measured model (`ModelInfo.measured`) contains other bodies that fit the
-measurement as well, on each of which the impact is repeated.
+Error "noise": the record of a measured model (`ModelInfo.measured`) contains other bodies that also
+fit the measurement; the impact is repeated on each of them.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ Rerun = Callable[..., History]
 
 
 class RepeatedImpact:
-    """An impact that is repeated on other models and by other laws, to an error `tol` in time."""
+    """An impact that is repeated on other models and with other laws, to an error `tol` in time."""
 
     def __init__(self, model: AntiOscillators, rerun: Rerun, tol: float) -> None:
         self.model = model
@@ -56,14 +56,14 @@ class RepeatedImpact:
         self.runs = [self.raw_history]
 
     def run(self, body: LinearBody, law: ContactLaw | None = None) -> History:
-        """The history on another body, or by another law; that of `model` needs no new run."""
+        """The history on another body or with another law; the given run is not repeated."""
         if body is self.model and law is None:
             return self.raw_history
         self.runs.append(self.rerun(body, self.tol, law))
         return self.runs[-1]
 
     def changes(self, body: LinearBody, law: ContactLaw | None = None) -> RelativeErrors:
-        """Relative changes of the quantities on another body, or by another law."""
+        """Relative changes of the quantities on another body or with another law."""
         return bars.relative_changes_with_site(self.raw_history, self.run(body, law))
 
 
@@ -72,7 +72,7 @@ BAR_SIGMAS = 2.0
 
 
 def measurement_errors(impact: RepeatedImpact) -> RelativeErrors:
-    """Relative errors of the quantities due to measured noise and the limited band, added."""
+    """Relative errors of the quantities: the sum due to measured noise and the limited band."""
     facts = impact.model.info.measured
     if facts is None:
         return bars.ZERO_ERRORS
@@ -122,7 +122,7 @@ CUT_PATCH_NOTE = (
 
 
 def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
-    """The error bars of a run, by repeats on other models and by other laws."""
+    """The error bars of a run, from repeated runs on other models and with other laws."""
     model = hit.model
     if not isinstance(model, AntiOscillators):
         kind = type(model).__name__
@@ -201,7 +201,7 @@ def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
 def _unknown_mesh(
     hit: History, model: AntiOscillators, stretches: bool, of_mesh: MeshErrors, is_cut: bool
 ) -> dict[str, str]:
-    """Why the error of "mesh" (and maybe "truncation") is unknown: name -> reason, {} if known."""
+    """Reasons, by name, why the error "mesh" (maybe "truncation" too) is unknown; {} if known."""
     reason = model.info.no_estimate
     if reason and model.strain_error is None and not stretches:
         what = "The mesh's error, and that of beams or shells in place of solids,"
@@ -223,7 +223,7 @@ def _unknown_mesh(
 
 
 def restitution_of(hit: History) -> float | None:
-    """Restitution e of a blow on an unloaded part at rest; None for other blows, and for e < 0."""
+    """Restitution e of an impact on an unloaded part at rest; None for others and for e < 0."""
     scene = hit.assembly.scene
     part = hit.assembly.bodies["structure"]
     loaded = len(scene.loads) > 0 or scene.base is not None or np.any(scene.gravity)
@@ -237,7 +237,7 @@ def restitution_of(hit: History) -> float | None:
 
 
 def law_error(impact: RepeatedImpact) -> tuple[RelativeErrors | None, str]:
-    """Relative errors by the contact law, or None and the reason why the bars lack them."""
+    """(relative errors due to the contact law or None, reason why the bars lack them)."""
     hit = impact.raw_history
     choice = choice_of(hit.law, hit.model, hit.impactor)
     if choice is None:
@@ -258,7 +258,7 @@ POINT_CONTACT_LAWS = (Hertz, Gonthier, ElasticPlastic, YangSun)
 
 
 def _stretch_errors(hit: History, model: AntiOscillators, impact: RepeatedImpact) -> RelativeErrors:
-    """Relative errors by second-order modes that are left out, from runs with two more of them."""
+    """Relative errors due to left-out second-order modes, from runs with two more modes."""
     if model.stretch is None:
         energy = hit.assembly.omitted_stretch_ratio
         return dict.fromkeys(BAR_UNITS, energy and max(OMITTED_SAFETY * energy, OMITTED_MIN_ERROR))
@@ -328,7 +328,7 @@ def _mesh_errors(impact: RepeatedImpact, linear_note: str) -> MeshErrors:
 
 
 def _safety_factor(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
-    """(safety factor of the mesh error, doubts); `share`: of strain errors in the energy."""
+    """(safety factor of the mesh error, doubts); `share`: share of strain errors in the energy."""
     safety = SAFETY
     doubts = []
     if share > COARSE_STRAIN_ERROR:
@@ -361,7 +361,7 @@ def _safety_factor(model: AntiOscillators, share: float) -> tuple[float, list[st
 
 
 def amplitude_products(hit: History) -> Array:
-    """Integral of a aᵀ over the contacts, (N + 1, N + 1), a the amplitudes of psi_0 ... psi_N."""
+    """Time integral over the contacts of a aᵀ (N + 1, N + 1); a: amplitudes of psi_0 … psi_N."""
     size = hit.model.n + 1
     total = np.zeros((size, size))
 
@@ -380,8 +380,8 @@ def _time_errors(hit: History) -> list[float]:
 
 
 def _step_errors(hit: History, finer: History | None, tol: float) -> dict[str, float]:
-    """Time-step errors: the run's own estimate, or its change in a run `finer` with tolerance
-    `tol`."""
+    """Time-step errors: the run's own estimate, or the change in the run `finer` with the
+    tolerance `tol`."""
     error = max(_time_errors(hit), default=0.0)
     estimated = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
     change = bars.ZERO_ERRORS if finer is None else bars.relative_changes_with_site(hit, finer)
@@ -391,8 +391,8 @@ def _step_errors(hit: History, finer: History | None, tol: float) -> dict[str, f
 def _patch_errors(impact: RepeatedImpact) -> tuple[RelativeErrors, list[str]]:
     """Errors due to the radius of the patch, and a note.
 
-    The error is the change of the impact if the contact gets the compliance by which a second
-    radius changed the part's beyond the half-space's.
+    A patch of a second radius changes the part's compliance by more or less than the half-space
+    compliance changes. The error is the change of the impact if the contact gets this difference.
     """
     model = impact.model
     second_patch = model.info.get("patch")
@@ -421,7 +421,7 @@ def _patch_errors(impact: RepeatedImpact) -> tuple[RelativeErrors, list[str]]:
 
 
 def _unresolved_text(hit: History, model: AntiOscillators, is_cut: bool) -> str:
-    """Why the cells or the patch do not resolve a contact; "" where they do."""
+    """Reason why the cells or the patch do not resolve a contact; "" if they do."""
     contact_time = hit.assembly.contact_time_estimate
     at_point = isinstance(hit.law, POINT_CONTACT_LAWS)
     radius, thickness = model.radius, model.info.thickness

@@ -1,4 +1,4 @@
-"""Motion of bodies from rest under forces that are given in time."""
+"""Motion of bodies from rest under given force histories."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def peak_deflections(
 ) -> Array:
     """Largest displacement u (S,) [m] of each body's site along the impact, from rest.
 
-    It is exact at the times of the forces, which are linear between them and zero outside, and at
-    200 times over the duration or more: 40 a period of the first mode.
+    The forces are linear between their times and zero outside. The displacement is exact at these
+    times and at 200 or more times over the duration (at least 40 per period of the first mode).
     """
     longest = checks.positive("duration", float(np.max(duration)), "s")
     durations = np.broadcast_to(duration, len(bodies)) if len(bodies) else np.array([longest])
@@ -95,7 +95,7 @@ def motions_from_rest(
 
 
 def _padded_rows(rows: Sequence[Array], filler: float | None) -> Array:
-    """Rows of different lengths as one array, padded by `filler` or, if None, the last value."""
+    """Rows of different lengths as one array, padded with `filler` or (None) the last value."""
     size = max(row.size for row in rows)
     padded = []
     for row in rows:

@@ -29,8 +29,8 @@ QUANTILES = (0.05, 0.5, 0.95)
 class Quantile(FieldsRepr):
     """A quantile or a probability with its confidence interval (low, high).
 
-    An end is infinite if the sample is too small for it; `note` then gives the number of results
-    that it takes, and of runs that lack the result.
+    An end is infinite if the sample is too small; `note` then gives the required number of results,
+    and the number of runs that lack the result.
     """
 
     value: float
@@ -47,7 +47,7 @@ def quantile(sample: ArrayLike, q: float, confidence: float = CONFIDENCE_LEVEL) 
 
     The number of samples below the quantile is binomial, so that the interval holds for any
     distribution (H. A. David, H. N. Nagaraja, Order Statistics, 3rd ed., section 7.1). Samples may
-    be infinite, as those of runs that failed.
+    be infinite, as for runs that failed.
     """
     from scipy.stats import binom
 
@@ -85,7 +85,7 @@ def _checked_share(name: str, value: float) -> float:
 
 
 def checked_levels(quantiles: Sequence[float]) -> tuple[float, ...]:
-    """Different shares between 0 and 1, in order; InputError for others."""
+    """Different shares between 0 and 1, in order; InputError for invalid ones."""
     shares = checks.floats("quantiles", quantiles, (None,))
     if not len(shares):
         raise InputError("quantiles is empty: give shares such as (0.05, 0.5, 0.95).")
@@ -96,23 +96,23 @@ def checked_levels(quantiles: Sequence[float]) -> tuple[float, ...]:
 class Many(Result):
     """The results of many runs: impacts, falls, or runs with random inputs.
 
-    Each of `values` and of `facts` is an attribute too, as `many.peak_force`.
+    `values` and `facts` are attributes too, such as `many.peak_force`.
 
     Attributes
     ----------
     values : name -> (n,) results of the runs in SI units, or (n, k) of the k impacts of each fall;
         NaN where a run failed or lacks the result.
-    failures : number of each run that failed -> its message.
-    inputs : name -> (n, ...) what was drawn for each run; indices into a sequence of values.
-    facts : name -> (n,) what else is known of each run. Of impacts: number of "contacts", "step"
-        [s], "error" of the force (NaN: step given) and "status" as in `History`, 2 of one that
-        failed. Of falls: number of "impacts", whether a contact "yields", and whether forces have
-        "missed" the tolerance.
-    messages : number of each run that did not end as asked, or never touched -> its message.
-    force : of impacts, the pairs (time, force) of each: nodes of its contacts, linear between.
+    failures : messages of failed runs, by number of the run.
+    inputs : name -> (n, ...) inputs drawn for the runs; for a sequence of values, indices into it.
+    facts : name -> (n,) other data of the runs. Impacts: number of "contacts", "step" [s], "error"
+        of the force (NaN if the step was given) and "status" as in `History`, 2 for failed runs.
+        Falls: number of "impacts", whether a contact "yields", and whether forces "missed" the
+        tolerance.
+    messages : messages of runs that did not end as requested or never touched, by number.
+    force : for impacts, (times, forces) of each: nodes of its contacts, linear in between.
     what : "impacts", "falls" or "runs".
-    note : what holds of all runs, as a sentence without its full stop.
-    quantiles : shares of the results below the quantiles that texts and pictures have.
+    note : a remark on all runs, as a sentence without its full stop.
+    quantiles : probabilities of the quantiles in texts and pictures.
     """
 
     values: Mapping[str, Array]
@@ -139,21 +139,20 @@ class Many(Result):
 
     @property
     def status(self) -> int:
-        """0 if all runs ended as asked, else 1."""
+        """0 if all runs ended as requested, else 1."""
         return int(bool(self.failures or self.messages))
 
     @property
     def message(self) -> str:
-        """How many runs failed, and how many did not end as asked."""
+        """Text: number of runs that failed, and that did not end as requested."""
         others = len(set(self.messages) - set(self.failures))
         told = [f"{len(self.failures)} of {len(self)} {self.what} failed"] if self.failures else []
         told += [f"{others} of {len(self)} did not end as asked"] if others else []
         return f"{', '.join(told)}." if told else "Completed."
 
     def largest(self, quantity: str, impact: int | None = None) -> Array:
-        """(n,) results of a quantity: of falls the largest of each, or that of the impact with this
-        number, from 0.
-        """
+        """Results (n,) of a quantity; for falls, the largest of each fall or, with `impact`, the
+        result of its impact with this number (from 0)."""
         results = self.values[checks.choice("quantity", quantity, tuple(self.values))]
         if results.ndim == 1:
             return results
@@ -164,7 +163,7 @@ class Many(Result):
         return np.where(np.isfinite(most), most, np.nan)
 
     def finite(self, quantity: str, impact: int | None = None) -> Array:
-        """(k,) finite results of a quantity; InputError if there are none."""
+        """Finite results (k,) of a quantity; InputError if there are none."""
         results = self.largest(quantity, impact)
         results = results[np.isfinite(results)]
         if not len(results):
@@ -172,7 +171,7 @@ class Many(Result):
         return results
 
     def worst(self, quantity: str = "peak_force") -> int:
-        """Number of the run with the largest result, of those that did not fail."""
+        """Number of the run with the largest result, without failed runs."""
         self.finite(quantity)
         return int(np.nanargmax(self.largest(quantity)))
 
@@ -183,10 +182,10 @@ class Many(Result):
         confidence: float = CONFIDENCE_LEVEL,
         impact: int | None = None,
     ) -> Quantile:
-        """The quantile `q` of a quantity with its confidence interval between order statistics; of
-        falls, of the largest values or of one impact.
+        """The quantile `q` of a quantity, with a confidence interval between order statistics; for
+        falls, of the largest value or of one impact.
 
-        A run that failed counts as larger than all others.
+        Failed runs count as larger than all others.
         """
         results = self._results_and_failures(quantity, impact)
         return self._with_notes(quantity, len(results), quantile(results, q, confidence))
@@ -194,9 +193,8 @@ class Many(Result):
     def exceedance(
         self, quantity: str, limit: float, confidence: float = CONFIDENCE_LEVEL
     ) -> Quantile:
-        """The probability that a quantity exceeds `limit`, with its confidence interval; runs that
-        failed exceed it.
-        """
+        """The probability that a quantity exceeds `limit`, with its confidence interval; failed
+        runs count as exceeding."""
         results = self._results_and_failures(quantity)
         limit = checks.number("limit", limit)
         count = int(np.sum(results > limit))
@@ -210,7 +208,7 @@ class Many(Result):
         return self._with_notes(quantity, len(results), share)
 
     def _results_and_failures(self, quantity: str, impact: int | None = None) -> Array:
-        """(k,) finite results of a quantity, and an infinite one for each run that failed."""
+        """Finite results (k,) of a quantity, plus an infinite one for each failed run."""
         return np.append(self.finite(quantity, impact), np.full(len(self.failures), np.inf))
 
     def _with_notes(self, quantity: str, counted: int, estimate: Quantile) -> Quantile:
@@ -226,8 +224,8 @@ class Many(Result):
         return replace(estimate, note="; ".join(filter(None, notes)))
 
     def table(self) -> dict[str, Sequence[Any] | Array]:
-        """One row a run: inputs that are numbers, results (of falls the largest), facts, failures;
-        name -> (n,).
+        """Columns (n,) by name, with a row for each run: inputs that are numbers, results (largest
+        of a fall), facts, failures.
         """
         drawn = {name: values for name, values in self.inputs.items() if np.ndim(values) == 1}
         results = {name: self.largest(name) for name in self.values}
@@ -235,9 +233,8 @@ class Many(Result):
         return {**drawn, **results, **self.facts, "failure": failed}
 
     def numbers(self) -> dict[str, object]:
-        """Quantiles of each quantity with a finite result: name -> JSON value; None where runs that
-        failed decide on them.
-        """
+        """Quantiles of each quantity with a finite result, as JSON values by name; None where
+        failed runs determine them."""
         found: dict[str, object] = {self.what: len(self)}
 
         for name in self._quantities():
@@ -251,7 +248,7 @@ class Many(Result):
     ) -> Figure | Path:
         """Histogram and quantiles of a quantity (default: the first).
 
-        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
+        With `path` (PNG, PDF, SVG, …) the picture is written and the path is returned.
         """
         name = next(iter(self.values)) if quantity is None else quantity
         results = self.finite(name)
@@ -273,11 +270,11 @@ class Many(Result):
         return figure_or_path(figure, path)
 
     def _quantities(self) -> list[str]:
-        """Names of the quantities of which a run has a finite result."""
+        """Names of the quantities with at least one finite result."""
         return [name for name in self.values if np.isfinite(self.largest(name)).any()]
 
     def _facts(self) -> list[tuple[str, str]]:
-        """Number of runs and quantiles of the first three quantities."""
+        """(label, value) pairs: number of runs, quantiles of the first three quantities."""
         varied = f" of {', '.join(self.inputs)}" if self.inputs else ""
         counted = " and count as the largest" if self.failures else ""
         rows = [(self.what, f"{len(self)}{varied}; {len(self.failures)} failed{counted}")]

@@ -1,8 +1,8 @@
-"""Scenes by textbook methods, which the exact method is compared with: without friction.
+"""Scenes without friction by textbook methods, for comparison with the exact method.
 
 SciPy's `solve_ivp` integrates from one touch or release to the next, for laws without memory.
-Newmark's method (average acceleration) and the leapfrog (central differences) take equal steps, of
-order 2 for forces without jumps; a touch and a release are interpolated within a step.
+Newmark's method (average acceleration) and the leapfrog (central differences) have equal steps and
+order 2 for forces without jumps; touches and releases are interpolated within a step.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from antiosc.impact.states import linear_interpolation
 
 
 def integrate_reference(assembly: Assembly, duration: float, settings: Settings) -> Converged:
-    """A run by `settings.method` with its estimated errors, which `solve_ivp` does not have."""
+    """A run by `settings.method`, with its estimated errors (none for `solve_ivp`)."""
     method = settings.method
     if any(contact.friction > 0 for contact in assembly.scene.contacts):
         raise InputError(f"the method {method!r} does not take friction: use the method 'exact'.")
@@ -60,8 +60,8 @@ StepPredictor = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
 def newmark(s: System, h: float) -> tuple[Array, Array, StepPredictor]:
     """Newmark's method (average acceleration) with the step h [s].
 
-    Returns the decrease of the modal displacements and velocities at the end of a step by a unit
-    force on each row, (m, J) each, and a function that predicts both without these forces.
+    Returns the decrease of modal displacements and of velocities (m, J) at the end of a step due to
+    a unit force on each row, and a function that predicts both without these forces.
     """
     x = s.omega**2
     scale = 1 + h * s.decay + h * h * x / 4
@@ -76,7 +76,7 @@ def newmark(s: System, h: float) -> tuple[Array, Array, StepPredictor]:
 
 
 def leapfrog(s: System, h: float) -> tuple[Array, Array, StepPredictor]:
-    """Central differences, as `newmark`: a force at the end of a step changes velocities alone."""
+    """Central differences, as `newmark`; a force at the end of a step changes only velocities."""
     x = s.omega**2
     scale = 1 + h * s.decay
 
@@ -133,7 +133,7 @@ def run_in_fixed_steps(s: System, step: float, duration: float, settings: Settin
 
 
 def _by_fixed_steps(assembly: Assembly, duration: float, settings: Settings) -> Converged:
-    """A run in the given step, or runs in ever shorter ones, whose last change is the error."""
+    """A run with the given step, or runs with ever shorter steps whose last change is the error."""
     s = assembly.system
     method, tol = settings.method, settings.tol
     top = float(s.omega.max(initial=0.0))
@@ -185,7 +185,7 @@ MAX_EVENTS_AT_ONE_TIME = 200  # events at the same time
 
 
 def _by_solve_ivp(assembly: Assembly, duration: float, settings: Settings) -> Converged:
-    """One run by a method of SciPy, to `IVP_TOL_RATIO` times the tolerance."""
+    """One run by a method of SciPy, with `IVP_TOL_RATIO` times the tolerance."""
     R = assembly.system.R
     for c, law in enumerate(assembly.laws):
         if law.has_memory:
@@ -205,7 +205,7 @@ def _by_solve_ivp(assembly: Assembly, duration: float, settings: Settings) -> Co
 
 
 class _EventSolver:
-    """`solve_ivp` from event to event: a contact touches or parts, a load has a corner."""
+    """`solve_ivp` from event to event: a touch, a release or a corner of a load."""
 
     def __init__(self, system: System, settings: Settings, longest: float) -> None:
         self.system = system
@@ -307,7 +307,7 @@ class _EventSolver:
         return found
 
     def _contact_event(self, c: int) -> Callable[[float, Array], float]:
-        """Event for `solve_ivp`: its root is where contact c touches or, if closed, parts."""
+        """Event function for `solve_ivp`: its root is where contact c touches or opens."""
         R = self.system.R
         closed = self.contacts.closed[c]
         rest = 1e-300 if closed else -1e-300  # at its origin it neither touches nor parts

@@ -6,11 +6,12 @@ measured along d, and
 
     delta = w - u - gap.
 
-Every velocity given by the user is > 0 if it closes the gap: that of the impactor is w', and the
+Velocities given by the user are > 0 if they close the gap: the impactor's velocity is w', and the
 `initial_velocity` of the structure is -u'. A structure that moves toward an `Obstacle` has u' < 0
-and is pushed back along +d. Gravity is the acceleration along +d: > 0 presses the impactor on the
-structure, < 0 makes a structure fall on an obstacle. The displacement of a supported structure (k0
-> 0) is measured from its equilibrium under gravity; a structure with a rigid-body mode falls.
+and is pushed back along +d. Gravity is the acceleration along +d: if it is > 0, it presses the
+impactor on the structure; if < 0, a structure falls on an obstacle. The displacement of a supported
+structure (k0 > 0) counts from its equilibrium under gravity; a structure with a rigid-body mode
+falls.
 """
 
 from __future__ import annotations
@@ -67,22 +68,22 @@ class Scene(SceneParts):
     contacts : sequence of Contact
         At least one.
     gravity : float or sequence of 3 floats
-        [m/s^2] along the contacts' direction, or a vector.
+        Acceleration [m/s^2] along the contacts' direction, or a vector.
     loads : sequence of Load
-        Forces in time.
+        Force histories.
     base : Base, optional
         Motion of the ground.
     motion : mapping, optional
-        Name -> `Motion` with which a free body starts, the velocity [m/s] along its one
-        coordinate, or its `ModalState`.
+        Name -> initial `Motion` of a free body, the velocity [m/s] along its one coordinate, or
+        its `ModalState`.
     preload : bool
         Start from the static equilibrium under gravity, the loads at t = 0 and closed contacts; a
-        `ModalState` then gives velocities alone.
+        `ModalState` then gives only velocities.
 
     Raises
     ------
     InputError
-        For names that do not exist and values outside their range.
+        Names that do not exist; values outside their range.
     """
 
     @within_memory
@@ -102,15 +103,15 @@ class Scene(SceneParts):
         Parameters
         ----------
         duration : float
-            [s].
+            Time to simulate [s].
         tol : float
             Relative error of the forces of each contact in the L2 norm, of its impulse and of its
             peak. The error of a contact with a small force is relative to at least a thousandth of
             the force of the heaviest contact.
         method, step, max_contacts, max_steps, proof : as for `simulate`
-            Other methods take no friction; proved bounds are `hit[a, b].enclosure`. "exact" halves
-            a given step where it does not resolve the forces, and stops with a message where the
-            contacts excite the modes at this step.
+            Methods other than "exact" do not support friction; proved bounds are in
+            `hit[a, b].enclosure`. "exact" halves a given step where it does not resolve the forces,
+            and stops with a message if the contacts then still excite modes.
 
         Returns
         -------
@@ -119,11 +120,11 @@ class Scene(SceneParts):
         Raises
         ------
         InputError
-            For a scene that cannot be posed.
+            A scene that is not well posed.
         AccuracyError
-            When a force leaves the range of its law.
+            A force leaves the range of its law.
         OutOfMemoryError
-            For a run that does not fit in the free memory.
+            A run that does not fit in the free memory.
 
         Warns
         -----
@@ -156,7 +157,7 @@ class Scene(SceneParts):
 
 
 def _run_scene(scene: Scene, settings: Settings, duration: float) -> SceneHistory:
-    """The history of a scene before its warnings."""
+    """The history of a scene, without warnings."""
     assembly = assemble_scene(scene, duration)
     set_initial_forces(assembly.system, scene.preload)
     kind = partial(SceneHistory, source=RepeatableSceneRun(scene, settings, duration))
@@ -200,7 +201,7 @@ class RepeatableSceneRun:
 
 
 def with_proof(history: H, tol: float = 0.0) -> H:
-    """The history with proved bounds on its forces; a warning if they are wider than `tol` > 0."""
+    """The history with proved bounds on its forces; warns if they are wider than `tol` > 0."""
     from antiosc.impact.enclosure import enclosures, max_peak_width  # loaded where it is used
 
     found = enclosures(history.assembly, history.run, tol)
@@ -225,7 +226,7 @@ def with_warning(history: H, sentence: str) -> H:
 
 
 def integrate(kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings) -> H:
-    """The history, of class `kind`, of an assembly, before its warnings."""
+    """The history (of class `kind`) of an assembly, without warnings."""
     if assembly.stretches and (
         settings.method != "exact" or settings.step is not None or assembly.scene.preload
     ):
@@ -247,7 +248,7 @@ def integrate(kind: Callable[..., H], assembly: Assembly, duration: float, setti
 def _integrated_history(
     kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
 ) -> H:
-    """The history of one run, of class `kind`."""
+    """The history (of class `kind`) of one run."""
     step = settings.step
     tol = settings.tol
     limits = settings.max_contacts, settings.max_steps
@@ -323,7 +324,7 @@ def check_range(history: History, doubts: Sequence[str] = ()) -> None:
 def range_error(
     law: ContactLaw, peak: float, radius: float | None, doubts: Sequence[str], where: str = ""
 ) -> RangeError:
-    """The error for a peak force out of the range of its law; `radius` [m] of the patch."""
+    """The error for a peak force out of the law's range; `radius` [m]: radius of the patch."""
     error = RangeError(" ".join([*doubts, f"{where}{law.out_of_range(peak, radius)}."]))
     error.radius = law.enough_radius(peak, radius)
     return error
@@ -371,44 +372,44 @@ def simulate(
     impactor : RigidMass, Sphere, Obstacle, Impactor, or any `LinearBody`
         The second body; a model without a velocity is at rest.
     contact : ContactLaw or "auto"
-        "auto": the law that materials, curvatures and strengths of both surfaces need
-        (`antiosc.engine.contact.choice`). The half-space compliance of the model's patch, if it
-        contains one (`local_compliance`), is subtracted from Hertz's law and those made from it,
-        which count it too; `history.details` says so. Any other law is taken as given.
+        "auto": the law that suits materials, curvatures and strengths of both surfaces
+        (`antiosc.engine.contact.choice`). If the model contains the half-space compliance of a
+        patch (`local_compliance`), it is subtracted from Hertz's law and laws based on it, which
+        contain it too; `history.details` reports this. Other laws are not changed.
     duration : float or "auto"
         Time to simulate [s]; "auto": 1 ms, doubled up to 32 ms until the bodies have parted.
     method : str
-        "exact"; to compare with, "newmark" and "leapfrog" in equal steps, or a method of
-        `scipy.integrate.solve_ivp` such as "DOP853", for laws without memory, which runs once, to
-        tol/100, and states no error.
+        "exact". For comparison: "newmark" and "leapfrog" with equal steps, or a method of
+        `scipy.integrate.solve_ivp` such as "DOP853", for laws without memory; it runs once, with
+        the tolerance tol/100, and gives no error.
     n : int, "auto" or "proved", optional
         Number of anti-oscillators of the model to use; default all. "auto" takes the smallest
         number whose estimated truncation error of peak force, impulse and contact time meets
-        `tol` (see `antiosc.impact.truncation`). "proved": bounds, as by `proof`, of the fewest
-        Krylov vectors of the model that prove the peak force to `tol`; a warning if none do.
+        `tol` (see `antiosc.impact.truncation`). "proved" gives bounds, as `proof` does, from the
+        fewest Krylov vectors that prove the peak force to `tol`; a warning if none do.
     step : float, optional
         Time step during contact [s] (solve_ivp: largest step). By default the step is refined until
         the force history has converged.
     tol : float
         Relative error of the force history in the L2 norm, of its impulse and peak; default 1e-3.
     initial_velocity : float or Motion
-        Initial motion of a structure with rigid-body modes. A number is the velocity along the
-        direction of impact [m/s], > 0 toward the impactor, of a translation; if supports prevent
-        it, or the inertia of the model in space is unknown (made by hand or from matrices), of the
-        site in the rigid-body motion of least kinetic energy, phi_CR of the article. A `Motion`
-        gives velocity and spin in the axes of the mesh.
+        Initial motion of a structure with rigid-body modes. A number is the velocity [m/s] of a
+        translation along the direction of impact, > 0 toward the impactor. If supports prevent a
+        translation, or the model's inertia in space is unknown (made by hand or from matrices), it
+        is the velocity of the site in the rigid-body motion of least kinetic energy, phi_CR of the
+        article. A `Motion` gives velocity and spin in the axes of the mesh.
     gravity : float or sequence of 3 floats
         Acceleration [m/s^2] along the impact direction, or as a vector in the axes of the mesh. It
-        acts on free bodies; the displacement of a body that is supported at its site is measured
-        from its equilibrium.
+        acts on free bodies; the displacement of a body that is supported at its site counts from
+        its equilibrium.
     gap : float, optional
-        Distance at the start [m]; default 0, or the obstacle's own.
+        Distance at the start [m]; default 0, or the obstacle's gap.
     max_contacts, max_steps : int
         Limits of the computing effort; a run that reaches one stops, with a status and a message.
     proof : bool
         Add proved bounds on the force of the assembled structure, `history.enclosure`, to a run
-        with models that `extract(…, proof=…)` made (`antiosc.impact.enclosure`). The steps are
-        those of a `tol` of 1e-4 or less, as their error is within the bounds.
+        with models from `extract(…, proof=…)` (`antiosc.impact.enclosure`). The time steps are as
+        for a `tol` of at most 1e-4, since the bounds include their error.
 
     Returns
     -------
@@ -417,15 +418,15 @@ def simulate(
     Raises
     ------
     InputError
-        For input that breaks a rule.
+        Invalid input.
     AccuracyError
-        If the peak force is outside the range of validity of the contact law.
+        The peak force is outside the range of validity of the contact law.
 
     Warns
     -----
     AccuracyWarning
-        If the run did not end as requested, or the anti-oscillators that a model was extracted with
-        are too few for the contact (`antiosc.impact.truncation`).
+        The run did not end as requested, or the model has too few anti-oscillators for the contact
+        (`antiosc.impact.truncation`).
     """
     if isinstance(contact, float | int):
         raise InputError(f"the third argument is the contact: give duration={contact:g}.")
@@ -461,7 +462,7 @@ def simulate(
 
 
 def _with_parting_duration(scene: Impact, settings: Settings) -> Impact:
-    """The impact with its duration doubled until the bodies have parted."""
+    """The impact with its duration doubled until the bodies have separated."""
     with without_warnings():
         while scene.duration < LONGER * INITIAL_DURATION:
             hit = simulate_impact(scene, settings)
@@ -473,7 +474,7 @@ def _with_parting_duration(scene: Impact, settings: Settings) -> Impact:
 
 
 def simulate_impact(scene: Impact, settings: Settings, n: int | str | None = None) -> History:
-    """The history of one impact before its warnings."""
+    """The history of one impact, without warnings."""
 
     def integrated(model: LinearBody, settings: Settings) -> History:
         impact = scene if model is scene.model else scene._replace(model=model)
@@ -524,7 +525,7 @@ class RepeatableImpact:
         return simulate(**arguments)
 
     def rerun(self, model: LinearBody, tol: float, law: ContactLaw | None = None) -> History:
-        """The impact on another model, and by another law, exactly and without warnings."""
+        """The impact on another model, or with another law, by "exact" and without warnings."""
         impact = self.impact._replace(model=model, contact=law or self.impact.contact)
         exact = replace(self.settings, tol=tol, method="exact", step=None)
         with without_warnings():
@@ -539,7 +540,8 @@ class RepeatableImpact:
 def _truncated_model(
     model: LinearBody, n: int | str, run: RunOnModel, tol: float
 ) -> tuple[LinearBody, dict[str, float], str]:
-    """(model truncated to `n`, "auto": to the fewest for `tol`; its errors; note on a lack)."""
+    """(model truncated to `n`, or for "auto" to the fewest for `tol`; its errors; note if they are
+    too few)."""
     if not isinstance(model, AntiOscillators):
         raise InputError(f"only AntiOscillators can be truncated; got {type(model).__name__}.")
     if not isinstance(n, str):

@@ -1,17 +1,15 @@
-"""The parts of a scene: bodies, contacts, loads, and the rows that give the indentation from the
-motion.
+"""The parts of a scene: bodies, contacts, loads, and the rows that give indentations from motion.
 
-All bodies have one system of axes. A contact of the ends a and b has a direction d, that of
-a's site (of b's, where a's is not known); its force F >= 0 pushes a along +d and b along -d, and
+All bodies have one system of axes. A contact of the ends a and b has a direction d: the direction
+of a's site, or of b's site if a has none. Its force F >= 0 pushes a along +d and b along -d, and
 
     delta = (displacement of b - displacement of a) along d - gap.
 
-A body that knows no directions in space (`RigidMass`, `Sphere`, a model made by hand) has one
-coordinate, which takes the place of the displacement along d: as b it moves toward a when its
-velocity is > 0. The d of its first contact is the direction of this coordinate; a later contact
-along -d takes it with the opposite sign, and one along another line is refused. All displacements
-are relative to the ground; those of a body that is supported at its sites are measured from its
-equilibrium under gravity.
+A body without directions in space (`RigidMass`, `Sphere`, a model made by hand) has one coordinate,
+which is its displacement along d: as end b it moves toward a if its velocity is > 0. Its first
+contact gives this coordinate the direction d. A later contact along -d takes it with the opposite
+sign; a contact along another line is refused. All displacements are relative to the ground;
+displacements of a body that is supported at its sites count from its equilibrium under gravity.
 """
 
 from __future__ import annotations
@@ -49,24 +47,24 @@ class Contact(Checked):
     Parameters
     ----------
     a, b : str
-        The ends; the force pushes a along the direction of its site and b against it. Where a has
-        no direction, as an obstacle, the force pushes b against its own: two stops on either side
-        of a tip are ("tip", "one") and ("other", "tip"). Whether the ends meet is not checked: it
-        is one contact along the first direction that is known.
+        The ends; the force pushes a along the direction of its site, and b in the opposite
+        direction. If a has no direction (as an obstacle), the force pushes b against b's direction:
+        two stops on both sides of a tip are ("tip", "one") and ("other", "tip"). It is not checked
+        whether the ends meet.
     law : ContactLaw or "auto"
         Force along the direction of the contact; "auto": as for `simulate`.
     gap : float, optional
-        Distance at the start [m], >= 0; default 0, or the obstacle's own.
+        Distance at the start [m], >= 0; default 0, or the obstacle's gap.
     friction : float
-        Coulomb's coefficient mu >= 0 (`tangential_stiffness` says how it is met).
+        Coulomb's coefficient mu >= 0 of a slider in series with a spring.
     tangential_stiffness : float, optional
-        k_t [N/m] of the spring in series with the slider that carries mu F at most; default
+        Stiffness k_t [N/m] of this spring; the slider carries at most mu F. Default:
         2 (1 - nu)/(2 - nu) = 0.82 (nu = 0.3, R. D. Mindlin, J. Appl. Mech. 16 (1949) 259-268)
-        times the mean normal stiffness of a contact as deep as expected. The compliance of the
+        times the mean normal stiffness of a contact of the expected depth. The compliance of the
         patches is subtracted, as from Hertz's law. Compared with spheres whose contact slips from
-        its edge inward (N. Maw et al., Wear 38 (1976) 101-114) the tangential speed of rebound
-        differs by up to 0.35 mu times the speed of approach where the contact begins to stick, and
-        by less than 0.1 mu times it where it begins to slide.
+        its edge inward (N. Maw et al., Wear 38 (1976) 101-114), the tangential rebound speed
+        differs by up to 0.35 mu times the approach speed if the contact sticks at first, and by
+        less than 0.1 mu times if it slides at first.
     """
 
     a: str
@@ -90,7 +88,7 @@ class Contact(Checked):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Load(FieldsRepr):
-    """A force in time at a site, along the direction of the site (the body's one coordinate).
+    """A force history at a site, along the direction of the site or the body's one coordinate.
 
     Parameters
     ----------
@@ -112,20 +110,20 @@ class Load(FieldsRepr):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Base(FieldsRepr):
-    """Acceleration of the ground, with all supports and obstacles on it.
+    """Acceleration of the ground and of all supports and obstacles.
 
     Parameters
     ----------
     times : array_like, shape (K,)
         Ascending times [s].
     accelerations : array_like, shape (K,) or (K, 3)
-        [m/s^2], along the direction of the contacts or in the axes of the scene; linear in
-        between, constant before and after.
+        Accelerations [m/s^2], along the direction of the contacts or in the axes of the scene;
+        linear in between, constant before and after.
 
     Notes
     -----
-    All motion of the scene is relative to the ground, so that every body feels -acceleration as a
-    gravity that changes in time, supported bodies in all their modes.
+    All motion of the scene is relative to the ground: -acceleration acts as a time-dependent
+    gravity on every body, on supported bodies in all their modes.
     """
 
     times: Array
@@ -235,7 +233,7 @@ class SceneParts(FieldsRepr):
                 )
 
     def _with_law(self, contact: Contact) -> Contact:
-        """The contact with its law; for "auto", the one that its surfaces require."""
+        """The contact with its law; for "auto", the law chosen by its surfaces."""
         if not is_auto(contact.law):
             return contact
         ends = [end.partition(":") for end in (contact.a, contact.b)]
@@ -251,7 +249,7 @@ class SceneParts(FieldsRepr):
             raise InputError(f"contact {contact.a!r}, {contact.b!r}: {error}") from None
 
     def _site_of(self, end: str) -> str:
-        """The normal form of an end: "body" alone for a body with one site."""
+        """The normal form of an end: "body" for a body with one site, else "body:site"."""
         name = end.partition(":")[0]
         if len(getattr(self.bodies.get(name), "sites", ())) > 1:
             return end
@@ -504,7 +502,7 @@ def load_series(
 
 
 def gravity_load(body: SceneBody, gravity: Array | float) -> Array | None:
-    """Modal forces (J,) of gravity, but for what supports carry; None if it moves nothing."""
+    """Modal forces (J,) of gravity without the weight on supports; None if nothing moves."""
     if not np.any(body.omega == 0):
         return None
 

@@ -37,5 +37,5 @@ class Settings:
         )
 
     def for_proof(self) -> Settings:
-        """These options with steps as fine as proved bounds need them."""
+        """These options with the fine time steps that proved bounds need."""
         return replace(self, tol=min(self.tol, PROOF_TOL))

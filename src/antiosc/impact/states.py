@@ -1,4 +1,4 @@
-"""The state of a scene at any time of a run: exact for the parabolas of the contact forces."""
+"""The state of a scene at any time of a run, exact for parabolic contact forces."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MEMORY_REMEDY = "ask for the motion at fewer times, as hit.at(times), or use few
 
 
 def c_record_of(run: Run) -> tuple[library.CRecord, list[Array]]:
-    """(a run as the C library reads it, the arrays to which it points)."""
+    """(the run as a structure for the C library, the arrays to which it points)."""
     arrays = [np.ascontiguousarray(array) for array in (run.time, run.force, run.events)]
     time, force, events = map(library.address, arrays)
     counts = {"n_nodes": run.time.size, "n_events": len(run.events)}
@@ -35,7 +35,7 @@ def c_record_of(run: Run) -> tuple[library.CRecord, list[Array]]:
 
 
 def contact_intervals(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
-    """Intervals (`TOUCH_RECORD`) of contact c of some length, and whether it ends closed."""
+    """(intervals (`TOUCH_RECORD`) of contact c of positive length, whether it ends closed)."""
     record, _ = c_record_of(run)
     touches = np.empty(len(run.events) + 1, library.TOUCH_RECORD)
     goes_on = c_int()
@@ -84,7 +84,7 @@ def steps_at(run: Run, t: Array) -> tuple[Index, Array]:
 
 
 def contact_forces(run: Run, step: Index, since: Array) -> Array:
-    """Contact forces (n, m) from the parabola of each step, at times since its start."""
+    """Contact forces (n, m) from the parabola of each step, at times `since` its start."""
     if run.time.size < 3:
         return np.repeat(run.force[:1], step.size, axis=0)
     f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
@@ -94,13 +94,13 @@ def contact_forces(run: Run, step: Index, since: Array) -> Array:
 
 
 def modal_states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
-    """Modal displacements and velocities (n, J) at times since the starts of steps."""
+    """Modal displacements and velocities (n, J) at times `since` the starts of steps."""
     q, v = integrated_states(run, system, step, since)
     return _free_modes(system, q, v)
 
 
 def integrated_states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
-    """States (n, I) of the integrated modes at times since the starts of steps."""
+    """States (n, I) of the integrated modes at times `since` the starts of steps."""
     q, v = integrated_start_states(run, system, step)
     if run.time.size < 3:
         return q, v
@@ -117,8 +117,8 @@ def _free_modes(system: System, q: Array, v: Array) -> tuple[Array, Array]:
 def damping_states(
     run: Run, system: System, step: Index, since: Array
 ) -> tuple[Array, list[list[Array]]]:
-    """(decelerations (n, J) by coupled damping, [displacements (n, J) of the springs of a
-    branch])."""
+    """(decelerations (n, J) due to coupled damping, displacements (n, J) of the springs for each
+    branch)."""
     assert system.first is not None
     integrated = integrated_states(run, system, step, since)
     return system.first.motion(*integrated)[2], system.first.springs(*integrated)
@@ -228,14 +228,14 @@ def node_states(
 
 
 def step_blocks(run: Run, size: int) -> list[tuple[int, int]]:
-    """First and last steps of blocks of a run whose states of `size` modes fit in memory."""
+    """(first, last) step of blocks of a run whose states of `size` modes fit in memory."""
     steps = run.time.size // 2
     block_size = max(STATES_AT_ONCE // max(size, 1), 1)
     return [(k, min(k + block_size, steps)) for k in range(0, max(steps, 1), block_size)]
 
 
 def with_flight_nodes(run: Run, system: System) -> Run:
-    """Return the run with more nodes in its flights, for pictures."""
+    """The run with more nodes in its flights, for pictures."""
     if run.time.size < 3:
         return run
 

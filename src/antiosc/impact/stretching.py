@@ -1,8 +1,8 @@
-"""Impacts on parts whose sheets stretch: which modes take part, and their rows in the march.
+"""Impacts on parts whose sheets stretch: modes with second-order forces, and their further rows.
 
-The linear run comes first. Its motion shows how large the second-order forces are, and which modes
-move most. A row of the march is the displacement of the site in one of these modes, so that its
-force acts on the site.
+A linear run comes first. Its motion shows how large the second-order forces are, and which modes
+move most. Each of these modes adds a row to the system: a modal displacement, on which its
+second-order force acts.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class StretchedMotion:
     change: float
 
     def leading(self, count: int) -> Stretch:
-        """The second-order forces in the `count` (or given number of) motions that are largest."""
+        """The second-order forces in the `count` largest motions (or the number the user gave)."""
         if self.stretch.count != "auto":
             count = self.stretch.count
         if count >= self.stretch.size:
@@ -122,7 +122,7 @@ def motion_of(history: History, name: str) -> StretchedMotion:
 
 
 def with_stretch(linear: H, integrate: IntegrateAssembly[H], tol: float) -> tuple[H, str]:
-    """(the linear run, or its repeat with second-order forces if they matter; a warning or "")."""
+    """(the linear run, or a run with second-order forces if they matter; a warning or "")."""
     a = linear.assembly
     stretching = [name for name, body in a.bodies.items() if body.stretch is not None]
     motion_by_body = {name: motion_of(linear, name) for name in stretching}
@@ -171,7 +171,7 @@ def with_stretch(linear: H, integrate: IntegrateAssembly[H], tol: float) -> tupl
 
 
 def energy_ratio_before_peak(history: History) -> float:
-    """Largest ratio of second-order to linear strain energy before the last peak of a force."""
+    """Largest ratio of second-order to linear strain energy up to the last force peak."""
     contacts = [contact for contact in history.contact_histories if contact.contacts]
     peaks = [float(contact.time[int(np.argmax(contact.force))]) for contact in contacts]
     times = np.linspace(0.0, max(peaks, default=0.0), ENERGY_SAMPLES)
@@ -198,7 +198,7 @@ def largest_force(history: History) -> float:
 
 
 def relative_differences(first: History, second: History) -> dict[str, float]:
-    """Largest relative changes between two runs, by quantity of the contacts and by deflection."""
+    """Largest relative changes between two runs, by quantity (of contacts, and deflection)."""
     worst = dict.fromkeys(bars.QUANTITIES, 0.0)
     for a, b in zip(first.contact_histories, second.contact_histories, strict=True):
         if b.contacts:
@@ -215,7 +215,7 @@ def relative_differences(first: History, second: History) -> dict[str, float]:
 
 
 def stretch_shares(changes: Mapping[str, float], before: float) -> dict[str, float]:
-    """Bounds by quantity on what left-out motions change; `changes`: those of two more motions."""
+    """Error bounds by quantity for left-out motions; `changes`: effect of two more motions."""
     worst = max(changes.get(name, 0.0) for name in DECIDING_WEIGHTS)
     floors = dict.fromkeys(bars.QUANTITIES, bars.MIN_ERROR_SHARE * worst)
     floors[bars.DEFLECTION] = 0.0  # it is among those that make the floors
@@ -234,7 +234,7 @@ def stretch_shares_of(run: History) -> dict[str, float]:
 
 
 def _too_few_text(count: int, shares: Mapping[str, float]) -> str:
-    """Sentence on a run with `count` second-order motions, which two more would still change."""
+    """Sentence on a run with `count` second-order motions that two more would still change."""
     force, deflection = shares["peak_force"], shares[bars.DEFLECTION]
     advice = f" To narrow it, {NARROWING_REMEDY}." if max(force, deflection) > ROUGH_ERROR else ""
     return (

@@ -1,21 +1,21 @@
-"""Truncation error: how many anti-oscillators an impact needs, and whether those of a model do.
+"""Truncation error: the number of anti-oscillators an impact needs, and whether a model has it.
 
 A truncated model adds the mass of the truncated modes to m0, at the site. This is exact if these
 modes are infinitely stiff. In the other extreme this mass is attached by one spring with the first
-truncated frequency, which is the softest that is possible. The truth lies between the two, and the
-difference of the two impacts measures the truncation error; each quantity has at least half of the
-largest one, as its sign may change. With the factor `TRUNCATION_SAFETY` at least nine of ten true
-errors are below the estimate (tests/simulation/test_truncation.py).
+truncated frequency, the softest possible. The truth lies between the two, and the difference of the
+two impacts measures the truncation error; each quantity gets at least half of the largest error, as
+an error may change its sign. With the factor `TRUNCATION_SAFETY` at least nine of ten true errors
+are below the estimate (tests/simulation/test_truncation.py).
 
-A model of the Krylov method is a rule of Gauss and Radau (Golub and Meurant, *Matrices, Moments and
-Quadrature*, 2010, ch. 6): m0 and the m_i are weights at 0 and at 1/(omega_i^2 + p^2), p the
-expansion point. Its softest extreme is the Gauss rule of the same moments. A spike of force that
-belongs to the mass at the site may show in neither extreme: the impact is repeated with half as
-many anti-oscillators, those of half of the Krylov space by Lanczos' recurrence on these nodes, and
-with as much less m0 as left it between the half and the whole. Where the error at least halves with
-twice as many, it is below the change by the former, and m0 is at least the mass of the latter. The
-largest change counts, that of the softest and of the lightest model with the factor
-`TRUNCATION_SAFETY_RITZ`.
+A model of the Krylov method is a Gauss–Radau rule (Golub and Meurant, *Matrices, Moments and
+Quadrature*, 2010, ch. 6): m0 and the m_i are weights at 0 and at 1/(omega_i^2 + p^2), with the
+expansion point p. Its softest extreme is the Gauss rule of the same moments. A spike of force due
+to the mass at the site may show in neither extreme. The impact is therefore repeated with two more
+models. The halved model has half as many anti-oscillators, from half of the Krylov space (Lanczos'
+recurrence on these nodes). The lighter model has m0 reduced by the mass that left m0 from the half
+to the whole. If doubling the number at least halves the error, the error is below the change by the
+halved model, and m0 is at least as large as in the lighter one. The largest change counts; changes
+by the softest and the lightest model get the factor `TRUNCATION_SAFETY_RITZ`.
 """
 
 from __future__ import annotations
@@ -86,8 +86,8 @@ class TruncationError:
 def truncation_error(
     model: AntiOscillators, run: RunOnModel, *, tol: float = 1e-4
 ) -> TruncationError:
-    """Estimate the effect of the truncated modes of `model` on an impact; that of a part that
-    stretches, by runs without its stretching.
+    """Estimate the effect of the truncated modes of `model` on an impact, by runs without
+    second-order forces.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def truncation_error(
     raw = _run_quietly(run, model, tol)
 
     def change(other: AntiOscillators) -> dict[str, float]:
-        """Relative changes of the quantities on another model, beyond the errors in time."""
+        """Relative changes of the quantities on another model, minus time-step errors."""
         changes = relative_changes_with_site(raw, _run_quietly(run, other, tol))
         return {name: max(share - tol, 0.0) for name, share in changes.items()}
 
@@ -132,15 +132,15 @@ def truncation_error(
 
 
 def choose_n(model: AntiOscillators, run: RunOnModel, tol: float = 1e-2) -> TruncationError:
-    """The fewest anti-oscillators of `model` whose errors are at most `tol`, or all of them, and
-    these errors: what they change from the whole model, and the error of that.
+    """The fewest anti-oscillators of `model` whose errors are at most `tol`, or all of them; the
+    errors are the change from the whole model plus the whole model's truncation error.
 
     `run(model, tol)` is the impact, as for `truncation_error`.
 
     Raises
     ------
     InputError
-        For a tolerance that is not in (0, 1), or a model that is not `AntiOscillators`.
+        A tolerance that is not in (0, 1); a model that is not `AntiOscillators`.
     """
     _check_arguments(model, run)
     tol = checks.tolerance(tol)
@@ -175,9 +175,10 @@ def choose_n(model: AntiOscillators, run: RunOnModel, tol: float = 1e-2) -> Trun
 
 
 def softest_model(model: AntiOscillators) -> AntiOscillators:
-    """The model whose residual mass has the softest springs that the moments of the model permit.
+    """The model whose residual mass is on the softest springs that the model's moments permit.
 
-    The Gauss rule of the moments (module), or a spring of the extrapolated next frequency for m0.
+    By the Gauss rule of the moments (see the module), or a spring with the next frequency, which is
+    extrapolated.
     """
     if model.m0 == 0:  # nothing is left out but what the last anti-oscillator stands for
         return model.truncated(model.n - 1)
@@ -214,8 +215,8 @@ def _combined_model(
 ) -> AntiOscillators:
     """The model with its n anti-oscillators replaced by k combinations of them.
 
-    modes : (n, k) combinations, of unit mass; momentum : (n', 3) momenta of all new coordinates;
-    given : the new values of fields.
+    modes : (n, k) combinations of unit mass; momentum : (n', 3) momenta of all new coordinates;
+    given : new values of fields.
     """
     damping = model.damping
     if isinstance(damping, DampingMatrix):
@@ -271,8 +272,8 @@ def halved_model(model: AntiOscillators) -> AntiOscillators:
 def _krylov_modes(P: Array, omega: Array, point: float, count: int) -> tuple[Array, Array]:
     """A Krylov space by Lanczos' block recurrence.
 
-    P : (p, n) momenta of the modes at the sites; omega : (n,) their frequencies [rad/s]; point :
-    `_squared_expansion_point`. Returns modes (n, k), k <= count, and their frequencies (k,).
+    P : (p, n) inertial couplings of the modes to the sites; omega : (n,) frequencies [rad/s];
+    point : `_squared_expansion_point`. Returns (modes (n, k), k <= count, frequencies (k,)).
     """
     highest = 1 / (omega[0] ** 2 + point)
     lam = (omega[0] ** 2 + point) / (omega**2 + point)
@@ -297,7 +298,7 @@ def _krylov_modes(P: Array, omega: Array, point: float, count: int) -> tuple[Arr
 
 
 def too_few_text_of_run(hit: History, rerun: RunOnModel, tol: float) -> str:
-    """Warning that the anti-oscillators of the model of a run are too few for it, or ""."""
+    """Warning if the model of a run has too few anti-oscillators for it; else ""."""
     model = hit.model
     error = truncation_error(
         model, lambda other, tol: hit if other is model else rerun(other, tol), tol=tol
@@ -306,7 +307,7 @@ def too_few_text_of_run(hit: History, rerun: RunOnModel, tol: float) -> str:
 
 
 def warn_too_few(hit: History, rerun: Callable[[dict[str, object]], History]) -> None:
-    """Warn of each body for which half as many anti-oscillators change a peak force too much."""
+    """Warn of each body whose peak forces change too much with half as many anti-oscillators."""
     scene = hit.assembly.scene
     touched = [contact for contact in hit.contact_histories if contact.contacts]
     struck = {end.partition(":")[0] for contact in touched for end in contact.ends}
@@ -336,7 +337,7 @@ def warn_too_few(hit: History, rerun: Callable[[dict[str, object]], History]) ->
 
 
 def _is_unconverged(model: AntiOscillators) -> bool:
-    """Whether the highest anti-oscillators stand for the truncated modes."""
+    """Whether the highest anti-oscillators represent the truncated modes."""
     return model.info.method == "krylov" and (model.info.converged or 0) < model.n
 
 
@@ -347,10 +348,11 @@ def _squared_expansion_point(model: AntiOscillators) -> float:
 
 
 def _gauss_rule(m: Array, omega: Array, point: float = 0.0) -> tuple[Array, Array, Array]:
-    """Masses and frequencies (n,) of the Gauss rule with the moments of m over 1/(omega^2 + point),
-    and the shares (n, n + 1) of the psi_i in its shapes.
+    """(masses, frequencies (n,), shares (n, n + 1) of the psi_i in the shapes) of the Gauss rule
+    with the moments of m over 1/(omega^2 + point).
 
-    That of the space orthogonal to the last Lanczos vector, 1/(sqrt(m_i) prod(lam_i - lam_j)).
+    It is the rule of the space orthogonal to the last Lanczos vector, whose components are
+    1/(sqrt(m_i) prod(lam_i - lam_j)).
     """
     lowest = omega[0] ** 2 + point
     lam = np.append(0.0, lowest / (omega**2 + point))

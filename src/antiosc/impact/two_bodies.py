@@ -1,7 +1,7 @@
-"""An impact of two bodies as a scene, and many of them as rows that the march solves in one call.
+"""An impact of two bodies as a scene, and many impacts as rows for one call of the C library.
 
-The signs are those of `antiosc.impact.scene`. Each body moves along the direction in which
-the contact pushes it, whatever the axes of its mesh.
+Signs are as in `antiosc.impact.scene`. Each body moves along the direction in which the contact
+pushes it, independently of the axes of its mesh.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class ModalPair(NamedTuple):
 
     @property
     def modes(self) -> tuple[ModalBody, ModalBody]:
-        """The free modes of both, of one site each."""
+        """The free modes of both bodies, each with one site."""
         return cast("tuple[ModalBody, ModalBody]", (self.structure.modes, self.impactor.modes))
 
     @property
@@ -66,7 +66,7 @@ class ModalPair(NamedTuple):
         return 1 / mobility if mobility > 0 else 1.0
 
     def gap(self, gap: float | None) -> float:
-        """Distance [m] at the start, checked; None: that of the obstacle."""
+        """Checked distance [m] at the start; None: the gap of the obstacle."""
         if gap is None:
             return self.impactor.gap
         return checks.nonnegative("gap", gap, "m")
@@ -101,7 +101,7 @@ def check_span(system: System, duration: float) -> None:
 
 
 class Impact(NamedTuple):
-    """Arguments of one impact of two bodies, as `simulate` takes them."""
+    """Arguments of one impact of two bodies, as for `simulate`."""
 
     model: LinearBody
     impactor: LinearBody
@@ -112,7 +112,7 @@ class Impact(NamedTuple):
     gap: float | None = None
 
     def group(self) -> tuple[object, ...] | None:
-        """Key that is equal for impacts which one C call can solve together; None for others."""
+        """Key that is equal for impacts that one C call can solve together; None for others."""
         stretches = stretch_of(self.model) or stretch_of(self.impactor)
         if not is_compiled(self.contact) or stretches is not None:
             return None
@@ -124,7 +124,7 @@ class Impact(NamedTuple):
 
 
 def modal_pair(impact: Impact) -> ModalPair:
-    """Two bodies in their modes, with start velocities and gravity."""
+    """Two bodies in their modes, with initial velocities and gravity."""
     model, impactor, _, _, initial, gravity, _ = impact
     checked_model = checked_body("model", model)
     checked_impactor = checked_body("impactor", impactor)
@@ -207,9 +207,9 @@ def impact_band(
 ) -> float:
     """The highest frequency [Hz] that an impact excites, about 3/(2T).
 
-    T is the contact time of `impactor` on a rigid wall, the shortest that a single contact with
-    the structure can have. With "auto" the law is that of a contact with `struck`, a model; None:
-    with a rigid plane. Raises InputError for an impactor at rest.
+    T is the contact time of `impactor` on a rigid wall, the shortest possible for a single contact
+    with the structure. With "auto" the law is chosen for the model `struck`, or without it for a
+    rigid plane. InputError for an impactor at rest.
     """
     law = law_of(contact, Obstacle() if struck is None else struck, impactor)
     velocity = checked_body("impactor", impactor).velocity
@@ -239,7 +239,7 @@ def _copies_of(structure: object, kind: np.dtype[np.void], count: int) -> NDArra
 
 
 class ImpactRows:
-    """Impacts that differ in their rigid impactors alone, as rows for the C library."""
+    """Impacts that differ only in their rigid impactors, as rows for the C library."""
 
     def __init__(self, impacts: Sequence[Impact], settings: Settings) -> None:
         self.pair = modal_pair(impacts[0])
@@ -279,7 +279,7 @@ class ImpactRows:
         self._held = system, rows
 
     def _strikers(self, impacts: Sequence[Impact], system: System) -> tuple[Array, Array, Array]:
-        """Contact rows and start velocities (S, J), and masses (S,) [kg] behind the contacts."""
+        """(contact rows, initial velocities (S, J), masses (S,) [kg] behind the contacts)."""
         count = len(impacts)
         strikers = [cast("RigidMass", striker.impactor) for striker in impacts]
         beta, v = (np.repeat(row.reshape(1, -1), count, axis=0) for row in (system.beta, system.v))
@@ -289,7 +289,7 @@ class ImpactRows:
         return beta, v, 1 / (self.pair.modes[0].mobility + b * b)
 
     def solve(self) -> tuple[NDArray[np.void], list[tuple[Array, Array]]]:
-        """The outcomes (`aom_outcome`), and nodes [s] and forces [N] of the contacts of each."""
+        """(outcomes (`aom_outcome`), (times [s], forces [N]) at the contact nodes of each)."""
         rows = self.rows
         size = self._held[0].omega.size
         space = _Workspace(size)

@@ -3,7 +3,7 @@
 gmsh executes a file as a script if it does not begin like a mesh, and it reads options from files
 in the same folder. Therefore gmsh gets a copy under a fixed name in an empty folder, after a check
 of the first line of a mesh, or of the words of a script (`checked_script`). CAD files have units,
-assemblies, and names of their solids, faces and holes; `facets` knows closed surfaces of triangles.
+assemblies, and names of their solids, faces and holes; `facets` reads surfaces of triangles.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ REGULAR_CELL_DENSITY = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
 
 
 def open_cad(gmsh: ModuleType, path: str) -> float:
-    """Open a file in gmsh; returns the unit of the coordinates that gmsh gives [m]."""
+    """Open a file in gmsh; returns the unit of gmsh's coordinates [m]."""
     iges = path.endswith((".iges", ".igs"))
     gmsh.option.setString("Geometry.OCCTargetUnit", "" if iges else "M")
     gmsh.open(path)
@@ -84,7 +84,7 @@ def open_cad(gmsh: ModuleType, path: str) -> float:
 
 
 def entity_names(gmsh: ModuleType, request: Request, scale: float) -> EntityNames:
-    """Names of solids, faces and holes of a CAD file; its solids are cut or selected first."""
+    """Names of solids, faces and holes of a CAD file, after cutting or selecting its solids."""
     names = _labels(gmsh, 3)
     if request.fragments:
         names = _cut_solids(gmsh, names, request.name)
@@ -109,13 +109,13 @@ def naturally_sorted(names: Iterable[str]) -> list[str]:
 
 
 def _label(gmsh: ModuleType, entity: tuple[int, int]) -> str:
-    """The name in a label such as "Shapes/assembly/nut_1/nut"; "" for names made by programs."""
+    """The name in a label such as "Shapes/assembly/nut_1/nut"; "" if a program generated it."""
     parts = [part.strip() for part in gmsh.model.getEntityName(*entity).split("/")]
     return next((part for part in reversed(parts) if not AUTOMATIC_LABEL.fullmatch(part)), "")
 
 
 def _labels(gmsh: ModuleType, dim: int) -> EntityNames:
-    """Names of the entities of dimension `dim`: their labels, numbered where several are equal."""
+    """Names of the entities of dimension `dim`: their labels; equal labels are numbered."""
     names: EntityNames = {}
     counts: dict[str, int] = {}
     for entity in gmsh.model.getEntities(dim):
@@ -130,7 +130,7 @@ def _labels(gmsh: ModuleType, dim: int) -> EntityNames:
 
 
 def _cut_solids(gmsh: ModuleType, names: EntityNames, name: str) -> EntityNames:
-    """Cut the solids at each other; returns the names of the pieces, from those of the solids."""
+    """Cut the solids at each other; returns names of the pieces, derived from the solids' names."""
     solids = gmsh.model.getEntities(3)
     if len(solids) < 2:
         raise MeshError(f"fragments joins solids; {name} has {len(solids)} of them.")
@@ -146,7 +146,7 @@ def _cut_solids(gmsh: ModuleType, names: EntityNames, name: str) -> EntityNames:
 
 
 def solids_by_volume(gmsh: ModuleType) -> list[tuple[int, int]]:
-    """The solids (dimension, tag) by descending volume; those made of facets in gmsh's order."""
+    """The solids (dimension, tag) by descending volume; solids of facets come last."""
     solids = list(gmsh.model.getEntities(3))
     volumes = {solid: gmsh.model.occ.getMass(*solid) for solid in gmsh.model.occ.getEntities(3)}
     return sorted(solids, key=lambda solid: -volumes.get(solid, 0.0))
@@ -156,7 +156,7 @@ def solids_by_volume(gmsh: ModuleType) -> list[tuple[int, int]]:
 
 
 def face_names(gmsh: ModuleType, scale: float) -> EntityNames:
-    """Names of the outer faces: "face <tag>", the file's labels, and names of their holes."""
+    """Names of the outer faces: "face <tag>", the file's labels, and names of holes."""
     faces = gmsh.model.getEntities(2)
     if gmsh.model.getEntities(3):
         faces = [face for face in faces if len(gmsh.model.getAdjacencies(*face)[0]) == 1]
@@ -221,7 +221,7 @@ def _holes(
 
 
 def _hollow_cylinder(gmsh: ModuleType, face: tuple[int, int]) -> Cylinder | None:
-    """The cylinder of a face around empty space; None for any other face."""
+    """The cylinder of a face that encloses empty space; None for other faces."""
     if gmsh.model.getType(*face) != "Cylinder":
         return None
     tag = face[1]
@@ -289,7 +289,7 @@ def mesh_model(gmsh: ModuleType, request: Request, scale: float) -> None:
 
 
 def _check_size(gmsh: ModuleType, request: Request, dim: int, scale: float) -> None:
-    """MeshError for too many cells; otherwise set the time limit by their expected number."""
+    """MeshError for too many cells; otherwise set a time limit for the expected number."""
     assert request.size is not None
     measure = sum(_measure(gmsh, dim, tag) for _, tag in gmsh.model.getEntities(dim))
     box = np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3))
@@ -304,7 +304,7 @@ def _check_size(gmsh: ModuleType, request: Request, dim: int, scale: float) -> N
 
 
 def _measure(gmsh: ModuleType, dim: int, tag: int) -> float:
-    """Length, area or volume of an entity of OpenCASCADE; 0 for any other entity."""
+    """Length, area or volume of an OpenCASCADE entity; 0 for other entities."""
     try:
         return float(gmsh.model.occ.getMass(dim, tag))
     except Exception:  # gmsh raises nothing else
@@ -312,7 +312,7 @@ def _measure(gmsh: ModuleType, dim: int, tag: int) -> float:
 
 
 def _graded_size_field(gmsh: ModuleType, place: Refinement, request: Request, scale: float) -> int:
-    """Tag of a size field: small sizes at a place, growing to `request.size` around."""
+    """Tag of a size field: small sizes at a place, which grow to `request.size` around it."""
     usual_growth, reach = request.grading
     point, local, growth = with_growth(place, usual_growth)
     x, y, z = (float(c) / scale for c in (*point, 0.0)[:3])
@@ -341,7 +341,7 @@ SCALAR_VIEW_TYPES = {3: "ST", 4: "SS"}
 
 @dataclass
 class SizeField:
-    """Element sizes [m] at the corners of simplices, as lists, which a request in JSON can hold."""
+    """Element sizes [m] at the corners of simplices, as lists that JSON can hold."""
 
     points: list[list[float]]
     cells: list[list[int]]
@@ -464,7 +464,7 @@ def _mesh_of_file(gmsh: ModuleType, request: Request, path: Path, suffix: str) -
 
 
 def _volume_remarks(gmsh: ModuleType, name: str, exact: float) -> list[str]:
-    """A remark if the mesh has another volume than the `exact` one; otherwise []."""
+    """A remark if the volume of the mesh differs from `exact`; otherwise []."""
     meshed = 0.0
     for kind in gmsh.model.mesh.getElementTypes(3):
         points, weights = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss3")
@@ -482,7 +482,7 @@ def _volume_remarks(gmsh: ModuleType, name: str, exact: float) -> list[str]:
 
 
 def _box_diagonals(gmsh: ModuleType, names: EntityNames, scale: float) -> FileMesh:
-    """Diagonals of the boxes of all solids, or of the model; each group has all these lines."""
+    """Diagonals of the boxes of all solids, or of the model, as lines; all groups hold them all."""
     entities = solids_by_volume(gmsh) or [(-1, -1)]
     boxes = scale * np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
     lines = np.arange(2 * len(boxes)).reshape(-1, 2)

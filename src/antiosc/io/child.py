@@ -1,4 +1,4 @@
-"""The process that reads one file: `python child.py`, a `Request` in JSON on its standard input.
+"""The process that reads one file: `python child.py` with a JSON `Request` on standard input.
 
 It writes the mesh, or the error of its reader, to its standard output as an archive of NumPy (npz),
 never a pickle. If the file makes it crash, hang or use all memory, only this process ends.
@@ -18,7 +18,7 @@ PR_SET_PDEATHSIG = 1
 
 
 def main() -> None:
-    """Read the request on standard input and its file; write the response to standard output."""
+    """Read the request from standard input, and its file; write the response to standard output."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     request = json.load(sys.stdin)
 

@@ -2,12 +2,12 @@
 
 A mesh here has cells of one kind. If a deck has volumes of several shapes, wedges, pyramids or
 collapsed hexahedra, all are divided into tetrahedra; triangles and quadrilaterals become triangles,
-unless they are joined as two meshes (`mixed`). Every cell is divided into the pyramids from its
-node of lowest number over the faces without this node, and every rectangle from its node of lowest
-number. Two cells therefore divide the face between them in the same way without knowing each other
-(the pulling triangulation: C. W. Lee, *Subdivisions and triangulations of polytopes*, 1997). New
-nodes in the middle of faces, cells and diagonals lie where the serendipity functions of the element
-place them, so that curved surfaces keep their shape.
+unless they are joined as two meshes (`mixed`). A cell is divided into pyramids whose apex is its
+node of lowest number, over the faces without this node; a quadrilateral is divided from its node of
+lowest number. Two neighbours therefore divide their common face in the same way (pulling
+triangulation: C. W. Lee, *Subdivisions and triangulations of polytopes*, 1997). The serendipity
+functions of the element give the positions of new nodes in the middle of faces, cells and
+diagonals, so that curved surfaces keep their shape.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Block:
         return len(self.corners)
 
     def __getitem__(self, selection: BoolArray | IntArray) -> Block:
-        """The block with the elements of a mask or of row numbers."""
+        """The block with the elements selected by a mask or by row numbers."""
         return self.mapped(lambda table: table[selection])
 
     def mapped(self, new: Callable[[IntArray], IntArray]) -> Block:
@@ -105,14 +105,14 @@ class Deck:
         return sum(len(block) for block in self.blocks)
 
     def numbered(self) -> Iterator[tuple[Block, IntArray]]:
-        """Yield (block, numbers of its elements); they count through all blocks."""
+        """Yield (block, numbers of its elements); the numbers count through all blocks."""
         start = 0
         for block in self.blocks:
             yield block, np.arange(start, start + len(block))
             start += len(block)
 
     def blocks_of(self, elements: IntArray) -> Iterator[tuple[Block, BoolArray]]:
-        """Yield (block with those of `elements` that it has, mask of them in `elements`)."""
+        """Yield (block of some of `elements`, mask of these in `elements`)."""
         start = 0
         for block in self.blocks:
             in_block = (elements >= start) & (elements < start + len(block))
@@ -134,7 +134,7 @@ def counts_text(counts: dict[str, int]) -> str:
 
 
 class NodeTable:
-    """Nodes of a file, and new nodes, whose coordinates are weighted sums of those of the file."""
+    """Nodes of a file, and new nodes, whose coordinates are weighted sums of the file's nodes."""
 
     def __init__(self, points: Array) -> None:
         from scipy.sparse import eye, vstack  # the reading process needs it for few files
@@ -163,7 +163,7 @@ class NodeTable:
         return np.vstack([self.points, self.weights[len(self.points) :] @ self.points])
 
     def combined_weights(self, nodes: IntArray, weights: Sequence[float]) -> csr_matrix:
-        """Weights (n, nodes of the file) of the points Σ_j weights_j x(nodes_ij), i = 1 … n."""
+        """Weights (n, nodes of the file) of the n points Σ_j weights_j x(nodes_ij)."""
         shares = (w * self.weights[column] for column, w in zip(nodes.T, weights, strict=True))
         return sum(shares).tocsr()
 
@@ -174,7 +174,7 @@ class NodeTable:
         return np.arange(first, self.count)
 
     def set_middle_weights(self, ends: IntArray, weights: csr_matrix) -> None:
-        """Set the weights with which `between` makes the middle nodes of `ends` (n, 2)."""
+        """Set the weights by which `between` makes the middle nodes of the pairs `ends` (n, 2)."""
         first = self._placed.shape[0]
         self._places.add(ends, np.arange(first, first + len(ends)))
         self._placed = self._vstack([self._placed, weights], format="csr")
@@ -211,19 +211,19 @@ class PairTable:
         self._values = np.zeros(0, dtype=np.int64)
 
     def _key(self, ends: IntArray) -> IntArray:
-        """A number (n,) for each pair (n, 2), the same in both orders."""
+        """A number (n,) for each pair (n, 2), independent of the order in the pair."""
         low = ends.min(axis=1)
         high = ends.max(axis=1)
         return np.asarray(low * self._n + high)
 
     def add(self, ends: IntArray, values: IntArray) -> None:
-        """Enter `values` (n,) for the pairs `ends` (n, 2) that have none."""
+        """Enter `values` (n,) for the pairs `ends` (n, 2) that have no value yet."""
         keys = np.concatenate([self._keys, self._key(ends)])
         self._keys, first = np.unique(keys, return_index=True)
         self._values = np.concatenate([self._values, values])[first]
 
     def find(self, ends: IntArray) -> IntArray:
-        """Values (n,) of the pairs `ends` (n, 2); -1 for pairs without one."""
+        """Values (n,) of the pairs `ends` (n, 2); -1 for pairs without a value."""
         if not len(self._keys) or not len(ends):
             return np.full(len(ends), -1, dtype=np.int64)
         key = self._key(ends)
@@ -249,8 +249,9 @@ class Division(NamedTuple):
 
 
 def mesh_of_deck(deck: Deck, *, halve_lines: bool = False, mixed: bool = False) -> Division:
-    """The elements of a deck as cells, its sets as groups; lines of order 2 are halved if `Beam`
-    needs it, `mixed` keeps shapes of faces apart; MeshError for one without volume or area."""
+    """The elements of a deck as cells, its sets as groups. `halve_lines`: lines of order 2 are
+    halved, for `Beam`; `mixed`: triangles and quadrilaterals are kept apart. MeshError for an
+    element without volume or area."""
     nodes = NodeTable(deck.points)
     cells: dict[str, IntArray] = {}
     owners: dict[str, IntArray] = {}
@@ -313,8 +314,8 @@ _SIMPLEX_OF_DIMENSION = {0: "point", 1: "line", 2: "triangle", 3: "tetra"}
 def _cells_of_blocks(
     deck: Deck, blocks: list[tuple[Block, IntArray]], split: bool, order: int, nodes: NodeTable
 ) -> tuple[IntArray, IntArray]:
-    """(cells (n, nodes) of blocks of one dimension, number (n,) of the element each is a part of).
-    `split`: into simplices; `order`: geometric order of the cells."""
+    """(cells (n, nodes) of blocks of one dimension, number (n,) of the element of each cell).
+    `split`: whether to divide into simplices; `order`: geometric order of the cells."""
     for block, _ in blocks if order == 2 and split else ():
         _set_diagonal_weights(block, nodes)
 
@@ -341,7 +342,7 @@ def _cells_of_blocks(
 
 
 def _middle_weights(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) -> csr_matrix:
-    """Weights of the middle of a `face` (four local corners); by default of hexahedra."""
+    """Weights of the middle of a `face` (four local corners); default: middle of hexahedra."""
     corners = block.corners[:, list(face)] if face else block.corners
     edges = np.stack([face, np.roll(face, -1)], axis=1) if face else np.array(EDGES[block.shape])
     mids = nodes.between(block.corners[:, edges])
@@ -350,7 +351,7 @@ def _middle_weights(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) 
 
 
 def _middle_nodes(block: Block, nodes: NodeTable) -> IntArray:
-    """Middle nodes (n, k) of faces and volume of quadrilaterals and hexahedra, VTK's order."""
+    """Middle nodes (n, k) of faces and volume of quadrilaterals and hexahedra, in VTK's order."""
     if block.shape not in ("quad", "hexahedron"):
         return block.corners[:, :0]
     if block.inner.shape[1] and (block.inner >= 0).all():
@@ -395,7 +396,7 @@ def _has_repeated_node(nodes: IntArray) -> BoolArray:
 
 
 def _simplices(block: Block) -> tuple[IntArray, IntArray]:
-    """(corners (n, k) of the triangles or tetrahedra of a block, row (n,) of each's element)."""
+    """(corners (n, k) of a block's triangles or tetrahedra, row (n,) of the element of each)."""
     if DIMENSION[block.shape] == 2:
         return _triangles(block.corners)
     if block.shape == "tetra":
@@ -414,7 +415,7 @@ def _simplices(block: Block) -> tuple[IntArray, IntArray]:
 
 
 def _triangles(corners: IntArray) -> tuple[IntArray, IntArray]:
-    """(triangles (n, 3) from the lowest node of faces (m, 3 or 4), row (n,) of each's face)."""
+    """(triangles (n, 3) of faces (m, 3 or 4) from their lowest node, row (n,) of their face)."""
     rows = np.arange(len(corners))
 
     if corners.shape[1] == 4:
@@ -441,7 +442,7 @@ def _halved_lines(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
 
 
 def known_kind(label: str, name: str) -> str:
-    """The kind `label` of cells; MeshError if they can neither be used nor divided."""
+    """The kind of cells named `label`; MeshError if they can neither be used nor divided."""
     if label not in CELL_TYPES:
         raise MeshError(
             f"{name} holds {label} cells; it must be of lines, triangles, quadrilaterals, "

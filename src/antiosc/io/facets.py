@@ -1,5 +1,5 @@
-"""Surfaces of triangles (`.stl`, `.obj`, `.ply`, `.off`): loaded and mended by trimesh, oriented,
-and filled as solids by gmsh, or by fTetWild where gmsh cannot.
+"""Surfaces of triangles (`.stl`, `.obj`, `.ply`, `.off`): trimesh loads and repairs them; they are
+oriented, and filled as solids by gmsh, or by fTetWild if gmsh cannot.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def signed_volumes(points: Array, triangles: IntArray) -> Array:
 
 
 def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]:
-    """(triangles (t, 3) of one orientation, closed pieces outward; piece number (t,) of each)."""
+    """(triangles (t, 3) of consistent orientation, outward on closed pieces; their pieces (t,))."""
     count = len(triangles)
     consistent, pairs, _ = _edges_of_triangles(triangles)
 
@@ -85,8 +85,8 @@ def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]
 
 
 def _edges_of_triangles(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
-    """(whether the two triangles at an edge agree (k,), their numbers (k, 2); number of triangles
-    at every edge); the first two for edges of two triangles alone."""
+    """(whether the two triangles at an edge have the same orientation (k,), their numbers (k, 2),
+    number of triangles at every edge); k: number of edges with exactly two triangles."""
     ends = np.concatenate([triangles[:, list(side)] for side in TRIANGLE_SIDES])
     ends_of_edges = np.sort(ends, axis=1)
     _, edge, uses = np.unique(ends_of_edges, axis=0, return_inverse=True, return_counts=True)
@@ -212,7 +212,7 @@ def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> No
 
 
 def read(request: Request) -> FileMesh:
-    """Read a surface as a mesh of triangles; `pieces` of a closed one are the bodies in it."""
+    """Read a surface as a mesh of triangles; the `pieces` of a closed surface are its bodies."""
     surface = read_surface(request)
     groups = {}
     area = np.linalg.norm(surface.normals, axis=1).sum() / 2
@@ -271,9 +271,8 @@ def _by_volume(surface: Surface, bodies: list[list[int]]) -> list[list[int]]:
 
 
 def winding_number(corners: Array, point: Array) -> float:
-    """How often triangles with corners (t, 3, 3) wind around a point (3,): 1 inside, 0 outside. It
-    is their solid angle over 4π (A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983)
-    125)."""
+    """Winding number of triangles (t, 3, 3) around a point (3,): 1 inside, 0 outside; the solid
+    angle over 4π (A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125)."""
     a, b, c = (corners - point).transpose(1, 0, 2)
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
     ab, bc, ca = (np.einsum("ni,ni->n", *pair) for pair in ((a, b), (b, c), (c, a)))
@@ -310,7 +309,7 @@ def _surface_to_fill(request: Request) -> tuple[Surface, list[list[int]]]:
 
 
 def add_filled_surface(gmsh: ModuleType, request: Request) -> tuple[Surface, EntityNames]:
-    """Put the closed surface into gmsh's model as volumes; (the surface, names of gmsh's faces)."""
+    """Add the closed surface to gmsh's model as volumes; returns (surface, names of the faces)."""
     import trimesh
 
     surface, bodies = _surface_to_fill(request)
@@ -347,7 +346,7 @@ def add_filled_surface(gmsh: ModuleType, request: Request) -> tuple[Surface, Ent
 
 
 def mesh_by_ftetwild(request: Request) -> FileMesh:
-    """Mesh of tetrahedra in a surface by fTetWild (Hu et al., ACM Trans. Graph. 39 (2020) 117)."""
+    """Fill a surface with tetrahedra by fTetWild (Hu et al., ACM Trans. Graph. 39 (2020) 117)."""
     import pytetwild
     from scipy.spatial import cKDTree
 

@@ -53,7 +53,7 @@ SYSTEM_FOLDERS = ("/proc", "/sys", "/dev")
 
 
 def read_isolated(path: Path, *, geometry: bool, options: Json, timeout: float | None) -> FileMesh:
-    """Read a file in a separate process; `geometry`: its mesh may be much larger than the file."""
+    """Read a file in a separate process; `geometry`: the mesh may be much larger than the file."""
     name = printable(path.name)
     size = _file_size(path)
     most = int(READER_MEMORY_SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
@@ -75,7 +75,7 @@ def read_isolated(path: Path, *, geometry: bool, options: Json, timeout: float |
 
 
 def _file_size(path: Path) -> int:
-    """Size of a regular file, bytes; MeshError for anything else, which might never end."""
+    """Size of a regular file, bytes; MeshError for other paths, which might never end."""
     shown = printable(str(path))[:200]
 
     try:
@@ -138,7 +138,7 @@ def _reader_error(name: str, code: int, memory: int, geometry: bool, again: bool
 
 
 def _mesh_of_response(name: str, response: bytes, memory: int) -> FileMesh:
-    """The mesh in the reader's response; if it is an error, this is raised."""
+    """The mesh in the reader's response; an error in the response is raised."""
     if not response:
         raise MeshError(f"the reader of {name} gave no mesh: a command of the file ends it (Exit).")
 
@@ -161,7 +161,7 @@ def _mesh_of_response(name: str, response: bytes, memory: int) -> FileMesh:
 
 
 def _printable(value: Any) -> Any:
-    """A value of JSON with escape characters of its texts replaced: names come from the file."""
+    """A JSON value with escape characters in texts replaced, since names come from the file."""
     if isinstance(value, str):
         return printable(value)
     if isinstance(value, list):
@@ -178,7 +178,7 @@ SIZE_GRADING = (0.35, 2.0)
 
 
 def with_growth(place: Refinement, usual: float) -> tuple[Sequence[float], float, float]:
-    """(point, size [m], growth) of a refined place; `usual`: the growth where it names none."""
+    """(point, size [m], growth) of a refined place; `usual`: growth if the place has none."""
     point, size, *growth = place
     return point, size, growth[0] if growth else usual
 
@@ -197,7 +197,7 @@ ModelOptions = Json
 
 @dataclass
 class Request:
-    """What the reading process is to read, and how; in a private working folder."""
+    """File and options for the reading process, which has a private working folder."""
 
     path: str  # of the file, absolute
     name: str  # of the file, for messages
@@ -250,7 +250,7 @@ class Request:
 
 
 class FileReader(NamedTuple):
-    """A reader of one file type, which a package registers under `antiosc.readers`."""
+    """A reader of one file type; packages register readers under `antiosc.readers`."""
 
     read: Callable[[Request], FileMesh]
     model: bool = False  # whether the files may contain whole models, for `read_model`
@@ -264,7 +264,7 @@ OWN_DECK_PACKAGE = "antiosc_decks."
 
 
 def entry_points_of(group: str) -> tuple[metadata.EntryPoint, ...]:
-    """Entry points of a group, not loaded yet, those of other packages first."""
+    """Unloaded entry points of a group; entry points of other packages come first."""
     return _entry_points(group, tuple(filter(None, sys.path)))
 
 
@@ -279,7 +279,7 @@ def _entry_points(group: str, path: tuple[str, ...]) -> tuple[metadata.EntryPoin
 
 
 def load_entry_point(entry: metadata.EntryPoint, kind: type[Kind]) -> Kind:
-    """The object that an entry point names; MissingDependencyError unless it is a `kind`."""
+    """The object named by an entry point; MissingDependencyError unless it is a `kind`."""
     try:
         reader = entry.load()
     except AntioscError:
@@ -333,7 +333,7 @@ FILE_OUTPUT = re.compile(r"[)\]]\s*>")
 
 
 def checked_script(text: str, name: str) -> tuple[str, list[str]]:
-    """(a script of gmsh without comments, names of its CAD files); MeshError if it does more."""
+    """(gmsh script without comments, names of its CAD files); MeshError unless it is harmless."""
     if "\0" in text:
         raise MeshError(f"{name} is binary and no script of gmsh: write it as .step or .inp.")
 

@@ -1,7 +1,7 @@
 """Files of stiffness and mass matrices: formats, Matrix Market, and pairs of K and M.
 
-Packages register formats as entry points of `antiosc.matrices`. Matrix Market is a header line, the
-size, then entries (Boisvert and others, NISTIR 5935).
+Packages register formats as entry points of `antiosc.matrices`. A Matrix Market file has a header
+line, the size and the entries (Boisvert and others, NISTIR 5935).
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class MatrixFile:
         return InputError(f"{self.name}, byte {offset}: {text}")
 
     def table(self, lines: Sequence[bytes], numbers: Sequence[int], columns: int) -> Array:
-        """Values (n, columns) of n lines of a table; `numbers`: those of the lines, for errors."""
+        """Values (n, columns) of n lines of a table; `numbers`: line numbers, for errors."""
         rows = [line.replace(b",", b" ") for line in lines]
         values = _floats(b"\n".join(rows))
         if values is None or any(len(row.split()) != columns for row in rows):
@@ -75,7 +75,7 @@ class MatrixFile:
         return values.reshape(-1, columns)
 
     def rows(self, lines: Sequence[bytes], numbers: Sequence[int], size: int | None) -> Entries:
-        """Matrix of lines (row, column, value); `size` None: the highest row number."""
+        """Matrix of lines (row, column, value); its `size` defaults to the highest row number."""
         table = self.table(lines, numbers, 3)
         whole = (table[:, :2] % 1 == 0) & (table[:, :2] >= 1) & (table[:, :2] < 2**31)
         self.needs(whole.all(), numbers[int(whole.all(axis=1).argmin())], WHOLE_NUMBERS_RULE)
@@ -89,7 +89,7 @@ class MatrixFile:
 
 
 def _floats(text: bytes) -> Array | None:
-    """All numbers (n,) of a text; None if it contains anything but numbers."""
+    """All numbers (n,) of a text; None if it does not consist of numbers."""
     try:
         return np.array(text.split(), dtype=float)
     except ValueError:
@@ -102,7 +102,7 @@ def _floats(text: bytes) -> Array | None:
 
 
 def with_plain_exponents(text: bytes) -> bytes:
-    """The text with numbers as Fortran writes them (1D+3) in the form 1E+3."""
+    """The text with Fortran's numbers (1D+3) written as 1E+3."""
     return _FORTRAN_NUMBERS.sub(
         lambda m: m[1] + b"E" + m[2] if m[1] is not None else m[3] + b"E" + m[4], text
     )
@@ -144,7 +144,7 @@ class Entries:
 
 def entries_by_labels(source: str, table: Array, triangle: bool | None) -> Entries:
     """Entries from rows (node, component, node, component, value) of `table`. `triangle`: whether
-    only one triangle of the symmetric matrix is listed; None: to be found out."""
+    only one triangle of the symmetric matrix is listed; None: determine it."""
     pairs = table[:, :4].reshape(-1, 2).astype(np.int64)
     labels, index = np.unique(pairs, axis=0, return_inverse=True)
     row, column = index.reshape(-1, 2).T
@@ -155,7 +155,7 @@ def entries_by_labels(source: str, table: Array, triangle: bool | None) -> Entri
 
 
 def has_one_triangle(source: str, row: IntArray, column: IntArray, size: int) -> bool:
-    """Whether one triangle of a matrix is listed; InputError if only some have a mirror."""
+    """Whether one triangle of a matrix is listed; InputError if only some entries are mirrored."""
     off_diagonal = row != column
     keys = row[off_diagonal].astype(np.int64) * size + column[off_diagonal]
     mirrored = np.isin(keys, column[off_diagonal].astype(np.int64) * size + row[off_diagonal])
@@ -169,7 +169,7 @@ def has_one_triangle(source: str, row: IntArray, column: IntArray, size: int) ->
 
 
 def checked_entries(entries: Entries) -> Entries:
-    """`entries`; InputError if a value is not finite, or a row or column outside the matrix."""
+    """Returns `entries`; InputError if a value is not finite, or a row or column out of range."""
     source, size = entries.source, entries.size
     bad = ~np.isfinite(entries.value)
     if bad.any():
@@ -247,7 +247,7 @@ def read_matrix_market(source: MatrixFile) -> Entries:
 
 @dataclass(frozen=True)
 class MatrixPair:
-    """K and M, and labels (node, component) of their rows where the files name them."""
+    """K and M, and labels (node, component) of their rows if the files give them."""
 
     K: scipy.sparse.csr_matrix
     M: scipy.sparse.csr_matrix
@@ -259,7 +259,7 @@ def read_pair(
     mass: str | os.PathLike[str],
     names: tuple[str, str] | None = None,
 ) -> MatrixPair:
-    """Read K and M, each from a file in any format; `names`: theirs, where files hold several."""
+    """Read K and M from files of any format; `names`: their names in files of several matrices."""
     pair = (None, None) if names is None else names
     if not isinstance(pair, list | tuple) or len(pair) != 2:
         raise InputError("names must be two, of K and of M: names=('KAA', 'MAA').")
@@ -285,7 +285,7 @@ def read_pair(
 
 
 def _mass_in_order_of(K: Entries, M: Entries) -> Entries:
-    """M with its rows in the order of those of K, matched by their labels (node, component)."""
+    """M with its rows in K's order, matched by their labels (node, component)."""
     assert K.labels is not None
     assert M.labels is not None
     all_labels, index = np.unique(np.vstack([K.labels, M.labels]), axis=0, return_inverse=True)
@@ -299,7 +299,7 @@ def _mass_in_order_of(K: Entries, M: Entries) -> Entries:
 
 
 def _matrix_of(path: str | os.PathLike[str], letter: str, name: str | None) -> Entries:
-    """The matrix `name` of a file; default: the only one, or that with the initial `letter`."""
+    """The matrix `name` of a file; default: its only one, or the one that begins with `letter`."""
     source = MatrixFile(path)
     matrices = _matrices(source)
     if isinstance(matrices, Entries):
@@ -321,7 +321,7 @@ def _matrix_of(path: str | os.PathLike[str], letter: str, name: str | None) -> E
 
 
 def _matrices(source: MatrixFile) -> Entries | dict[str, Entries]:
-    """The matrix of a file, or its matrices by name; the content determines the format."""
+    """The matrix of a file, or its matrices by name; the format is found by the content."""
     content = source.content
     if content[:14].lower() == MATRIX_MARKET_BANNER.lower():
         return read_matrix_market(source)
@@ -436,12 +436,12 @@ class DofMap:
 
 
 def component_name(component: int) -> str:
-    """Name of a component: x, y, z, rx, ry, rz; of any other its number as text."""
+    """Name of a component: x, y, z, rx, ry or rz, or its number as text."""
     return COMPONENTS[component - 1] if 1 <= component <= 6 else str(component)
 
 
 def component_number(dof: object) -> int:
-    """Number of the component that a name (x, ux, t1, …) or number means; else InputError."""
+    """Component number for a name (x, ux, t1, …) or number; InputError if it is unknown."""
     if not isinstance(dof, str):
         return checks.whole("dof", dof, least=0)
     component = _NUMBER_OF_COMPONENT.get(dof.strip().lower())
@@ -455,7 +455,7 @@ def component_number(dof: object) -> int:
 
 
 def supported_rows(supports: object, rows: DofMap | None) -> IntArray:
-    """Rows (n,) of the dofs that supports {node: "all" or names of dofs} fix, ascending."""
+    """Rows (n,), ascending, of the dofs fixed by supports {node: "all" or names of dofs}."""
     if rows is None:
         raise InputError("supports by nodes need a map of the nodes and dofs of the matrices.")
     expected = "a dict of node -> 'all' or names of dofs"
@@ -473,7 +473,7 @@ def supported_rows(supports: object, rows: DofMap | None) -> IntArray:
 
 
 def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
-    """The map of `size` rows in any form of `from_matrices`; `labels`: (node, component) by
+    """The map of `size` rows in any form of `from_matrices`; `labels`: (node, component) in
     files."""
     if source is None:
         if labels is None:
@@ -532,7 +532,7 @@ def _map_of_columns(columns: tuple[object, ...], size: int) -> Array:
 
 
 def _with_coordinates(name: str, table: Array, labels: Labels | None) -> DofMap:
-    """The map of the matrices' `labels`, coordinates from rows node, x, y, z of `table`."""
+    """The map with the matrices' `labels` and coordinates from rows node, x, y, z of `table`."""
     if labels is None:
         raise InputError(
             f"{name} must have rows of node, dof, x, y, z: the files do not name the nodes of rows."
@@ -546,7 +546,7 @@ def _with_coordinates(name: str, table: Array, labels: Labels | None) -> DofMap:
 
 
 def _read_map(source: MatrixFile) -> tuple[str, Array]:
-    """(name, table) of a map file; names of components are replaced by their numbers."""
+    """(name, table) of a map file, with component names replaced by numbers."""
     rows: dict[int, bytes] = {}
     for k, line in enumerate(source.lines(), 1):
         text = line.partition(b"#")[0].replace(b",", b" ").strip()
@@ -593,7 +593,7 @@ Body: TypeAlias = tuple[Any, Any, DofMap | None]
 
 
 def joined_bodies(bodies: Sequence[Body]) -> Body:
-    """One body of several, joined at the nodes with equal numbers; its K and M are the sums."""
+    """Several bodies joined into one at nodes with equal numbers; their K and M are added."""
     maps = [rows for *_, rows in bodies if rows is not None]
     if len(maps) < len(bodies):
         raise InputError("bodies are tied at nodes of the same number: give the map of each.")
@@ -613,7 +613,7 @@ def joined_bodies(bodies: Sequence[Body]) -> Body:
 
 
 def _dof_as_number(source: MatrixFile, number: int, word: bytes) -> bytes:
-    """A word of line `number` of a map file; the name of a dof becomes its number."""
+    """A word of line `number` of a map file, in which a dof's name is replaced by its number."""
     text = word.decode("ascii", "replace")
     known = _NUMBER_OF_COMPONENT.get(text.lower())
     source.needs(known or not text[:1].isalpha(), number, f"{text!r} is not the name of a dof.")

@@ -1,9 +1,9 @@
 """The reader of each file type; mesh files of other programs, by meshio.
 
-Where a file has several kinds of cells, or kinds that no mesh here carries, the elements go through
-a `Deck`, as those of Abaqus and Nastran do: wedges, pyramids and mixed volumes are cut into
-tetrahedra, triangles beside quadrilaterals into triangles, and cells of 8 and 20 nodes get the
-nodes that they lack (`conversion`).
+If a file has several kinds of cells, or unsupported kinds, its elements are converted through a
+`Deck`, as for Abaqus and Nastran: wedges, pyramids and mixed volumes are cut into tetrahedra,
+quadrilaterals of a mesh with triangles into triangles, and cells of 8 and 20 nodes get the missing
+nodes (`conversion`).
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ RECOGNITION_BYTES = 2**20
 
 
 def reader_of(path: str | Path, solid: bool = False) -> FileReader:
-    """The reader of a file by ending and content; `solid`: it is a surface to be filled."""
+    """The reader of a file, found by ending and content; `solid`: the file is a surface to fill."""
     if solid:
         return GMSH_READER
 
@@ -175,7 +175,7 @@ def _first_bytes(path: str | Path) -> bytes:
 
 
 def is_deck(path: str | Path) -> bool:
-    """Whether the reader of this file can give a whole model: materials and supports too."""
+    """Whether the reader of this file can return a whole model with materials and supports."""
     return reader_of(path).model
 
 

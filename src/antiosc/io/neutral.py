@@ -1,8 +1,8 @@
-"""The neutral model: the arrays that every file reader returns.
+"""The neutral model that every file reader returns: points, cells by kind, and groups by name.
 
-Points, cells by kind and groups by name. Cells are in VTK's order: corners, then middle nodes of
-edges; straight and second-order cells of all shapes are known, including those (wedges, pyramids)
-that are divided into others. `UnitSystem` is a length and a force, with seconds.
+The nodes of cells are in VTK's order: corners, then middle nodes of edges. Straight and
+second-order cells of all shapes are known, including wedges and pyramids, which are divided into
+tetrahedra. A `UnitSystem` is a unit of length and a unit of force, with seconds.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ MotionTerm = tuple[int, int, float]
 
 
 class Joints(TypedDict):
-    """Constraints, springs, dampers and masses between nodes as sums of `MotionTerm`; SI units."""
+    """Constraints, springs, dampers and masses between nodes, on sums of `MotionTerm`; SI units."""
 
     equations: list[list[MotionTerm]]  # sums that are zero, the dependent motion first
     springs: list[tuple[list[MotionTerm], float]]  # N/m
@@ -173,7 +173,7 @@ class Piece(NamedTuple):
 
 @dataclass
 class FileMesh:
-    """Nodes, cells of all kinds, groups of a file; `reading.selected_mesh` takes a mesh of it."""
+    """Nodes, cells of all kinds and groups of a file; `selected_mesh` selects a mesh of them."""
 
     points: NDArray[np.float64]  # (n, 3) node coordinates, m
     cells: dict[str, IntArray]  # kind (a name of KINDS) -> (cells, nodes of one), vertices first
@@ -181,7 +181,7 @@ class FileMesh:
     groups: dict[str, dict[str, IntArray]] = field(default_factory=dict)
     #: name of a set of nodes -> rows of `points`
     node_sets: dict[str, IntArray] = field(default_factory=dict)
-    of_gmsh: bool = False  # whether gmsh made it, which holds the cells of its curves and faces too
+    of_gmsh: bool = False  # whether gmsh made it; it then has cells on curves and faces too
     #: once a group holds cells of the highest dimension, cells in no group are construction aids
     has_construction_aids: bool = False
     #: entities that supports fix: name of the group for them -> {dimension: their vertices}
@@ -190,9 +190,9 @@ class FileMesh:
     remarks: list[str] = field(default_factory=list)
     #: materials, sections, supports and masses as values for JSON, if a model was requested
     model: Model | None = None
-    #: numbers of the first nodes in the file, -1 of those without one; none: it has no numbers
+    #: numbers of the first nodes in the file, -1 for nodes without one; empty: no numbers
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    #: of which one can be read alone, by their ranks; none: there is one, or they are not known
+    #: pieces that can be read alone, by rank; empty: there is one piece, or they are not known
     pieces: list[Piece] = field(default_factory=list)
 
 
@@ -228,7 +228,7 @@ def joined_groups(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[
 
 
 def fixed_group_name(name: str, label: str) -> str:
-    """Name of the group of those fixed cells whose kind is `label`, if there are several kinds."""
+    """Name of the group of fixed cells of the kind `label`, if there are several kinds."""
     return f"{name}@{label}"
 
 
@@ -282,7 +282,7 @@ def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
 
 
 def _check_indices(rows: IntArray, most: int, what: str) -> None:
-    """ValueError unless all `rows` are 0 … most - 1."""
+    """ValueError unless all `rows` are between 0 and most - 1."""
     if rows.dtype != np.int64:
         raise ValueError(f"{what} by {rows.dtype}")
     if rows.size and not (rows.min() >= 0 and rows.max() < most):
@@ -308,7 +308,7 @@ class UnitSystem:
 
     @classmethod
     def of(cls, unit: str | float) -> UnitSystem:
-        """The unit system of a name, or of a number of metres per unit, with forces in N."""
+        """The unit system with this name, or with this many metres per unit of length, and N."""
         if not isinstance(unit, str):
             return cls(positive("unit", unit, "m"))
         if unit in UNIT_SYSTEMS:
@@ -334,7 +334,7 @@ class UnitSystem:
 
 
 def row_hashes(rows: NDArray[Any]) -> NDArray[np.uint64]:
-    """Hash (n,) of each row, whatever the order in it; two rows collide by chance with 1e-19."""
+    """Hash (n,) of each row, whatever the order in it; rows collide with probability 1e-19."""
     mixed = np.zeros(len(rows), dtype=np.uint64)
 
     with np.errstate(over="ignore"):
@@ -348,15 +348,15 @@ def row_hashes(rows: NDArray[Any]) -> NDArray[np.uint64]:
 
 
 def outer_facets(cells: NDArray[Any], sides: Sequence[Sequence[int]]) -> NDArray[Any]:
-    """Facets (n, vertices) of one cell only; `sides`: local corners of a cell's facets."""
+    """Facets (n, vertices) that belong to one cell only; `sides`: local corners of facets."""
     facets = np.vstack([cells[:, list(side)] for side in sides])
     _, first, count = np.unique(row_hashes(facets), return_index=True, return_counts=True)
     return facets[first[count == 1]]
 
 
 def connected_pieces(tables: Iterable[IntArray], count: int) -> IntArray:
-    """Number (count,) of each node's piece; a row of `tables` (n, k) connects its nodes (< 0:
-    none)."""
+    """Number (count,) of the connected piece of each node. The nodes in a row of `tables` (n, k)
+    are connected; negative numbers are ignored."""
     from scipy.sparse import coo_matrix  # few files need it, and it loads slowly
     from scipy.sparse.csgraph import connected_components
 

@@ -1,9 +1,9 @@
-"""Files with meshes and geometries into plain arrays.
+"""Reading files with meshes and geometries into plain arrays.
 
-`read` reads one file in a separate process (`isolation`, `child`), and selects the cells that form
-the mesh: those of one kind and of the highest dimension. Cells of lower dimension are its faces,
-edges and points, and are told with their number. Those that are not on the mesh may be beams and
-shells: the file is refused unless the caller selects the cells.
+`read` reads one file in a separate process (`isolation`, `child`), and selects the cells of one
+kind and of the highest dimension as the mesh. Cells of lower dimension may be faces, edges and
+points of the mesh; a remark reports their number. Cells that are not on the mesh may be beams and
+shells: the file is then refused unless the caller selects the cells.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ LARGEST_COORDINATE = 1e30
 
 
 def selected_mesh(mesh: FileMesh, wanted: CellSelection, order: int | None, name: str) -> RawMesh:
-    """The `wanted` cells of a file as a mesh, by default those of the highest dimension."""
+    """The `wanted` cells of a file as a mesh; default: the cells of the highest dimension."""
     dims = {label: CELL_KINDS[label].dim for label, block in mesh.cells.items() if len(block)}
     if not any(dims.values()):
         found = ", ".join(sorted(dims)) or "none"
@@ -134,7 +134,7 @@ def _selected_rows(mesh: FileMesh, wanted: CellSelection, name: str) -> RowsByKi
 
 
 def _rows_in_groups(mesh: FileMesh, labels: Sequence[str]) -> RowsByKind:
-    """Rows, by kind, of the cells of the kinds `labels` that belong to at least one group."""
+    """Rows by kind of cells of the kinds `labels` that belong to at least one group."""
     parts = [{k: r for k, r in g.items() if k in labels} for g in mesh.groups.values()]
     return _union(parts)
 
@@ -148,7 +148,7 @@ def _union(parts: Sequence[RowsByKind]) -> RowsByKind:
 def _remarks_on_unused_elements(
     mesh: FileMesh, raw: RawMesh, aids: bool, name: str
 ) -> Iterator[str]:
-    """Yield remarks on elements outside the mesh; MeshError if they may be of the part."""
+    """Yield remarks on elements outside the mesh; MeshError if they may belong to the part."""
     made_here = mesh.of_gmsh and not name.lower().endswith(".msh")
     top = raw.kind.dim
     grouped = _rows_in_groups(mesh, list(mesh.cells))
@@ -201,7 +201,7 @@ def _counts_text(counts: Mapping[str, int]) -> str:
 
 
 def row_positions(rows: NDArray[Any], among: NDArray[Any]) -> IntArray:
-    """Index (n,) of each row in `among`, whatever the order of its entries; -1 if absent."""
+    """Index (n,) of each row in `among`, independent of the order of its entries; -1 if absent."""
     if not len(among):
         return np.full(len(rows), -1)
     code, row_keys = row_hashes(among), row_hashes(rows)
@@ -270,7 +270,7 @@ def read(
     sound: Callable[[RawMesh], RawMesh] = lambda raw: raw,
     **options: Any,
 ) -> RawMesh:
-    """Read or mesh a file (`antiosc.read_mesh`); if gmsh cannot mesh it, try in a second way."""
+    """Read or mesh a file (`antiosc.read_mesh`); if gmsh cannot mesh it, try a second way."""
     name = printable(path.name)
     suffix = path.suffix.lower()
     solid = bool(options.get("solid"))
@@ -387,7 +387,7 @@ def pieces_error(raw: RawMesh, what: str, remedy: str) -> PiecesError:
 
 
 def read_outline(path: Path, **options: Any) -> FileMesh:
-    """Groups of a geometry, and the diagonals of its boxes as lines, without meshing it."""
+    """Groups of a geometry and, as lines, the diagonals of its bounding boxes; without meshing."""
     return file_content(path, None, None, None, outline=True, **options)
 
 
@@ -461,7 +461,7 @@ def with_merged_nodes(mesh: FileMesh, distance: float) -> FileMesh:
 
 
 def _renumbered(model: Model, row: IntArray) -> Model:
-    """The model with node n replaced by row[n]; negative numbers, points of no element, stay."""
+    """The model with node n renumbered to row[n]; negative numbers (free points) stay."""
     joints = model["joints"]
 
     def new(terms: list[MotionTerm]) -> list[MotionTerm]:

@@ -1,4 +1,4 @@
-r"""The anti-oscillator model of a structure: N one-degree-of-freedom systems on a residual one.
+r"""The anti-oscillator model of a structure: N one-degree-of-freedom systems on a residual mass.
 
 At one site:
 
@@ -7,14 +7,14 @@ F -> [m0] lambda_0 --k1-- [m1] lambda_1        Article Fig. 1: the contact force
       k0    ...                                 that of the impact site; mass m_i hangs on m0 by
     ground  \--kN-- [mN] lambda_N               k_i = omega_i^2 m_i.
 
-At p sites k0, m0 and m_i are matrices (p, p), m_i = P_i P_i' of rank one: P_i (p,) is the inertia
-of the constraint mode i of unit mass, with all sites fixed, against unit accelerations of the
+At p sites k0, m0 and m_i are matrices (p, p), and m_i = P_i P_i' has rank one: P_i (p,) is the
+inertial coupling of constraint mode i (all sites fixed, unit mass) to unit accelerations of the
 sites.
 
-Models are files of NumPy (`.npz`) with a header in JSON. They are untrusted data: they are read
-without pickles, and no array is larger than the bytes that are stored of it.
+Models are saved in NumPy files (`.npz`) with a header in JSON. They are untrusted data: they are
+read without pickles, and no array is larger than its stored bytes.
 
-With u (p,) the displacements of the sites and η (N,) the amplitudes of the constraint modes of unit
+With the displacements u (p,) of the sites and the amplitudes η (N,) of the constraint modes of unit
 mass (Craig and Bampton, AIAA J. 6 (1968) 1313), the matrices of a reduced model are
 
     K = diag(k0, ω_i²),    M = [[m_st, P], [Pᵀ, 1]],    P_i Pᵀ_i = m_i,
@@ -70,7 +70,7 @@ NamedValues: TypeAlias = dict[str, Any]
 def write_model_file(
     path: str | os.PathLike[str], header: Mapping[str, object], arrays: Arrays
 ) -> None:
-    """Write a file of a JSON header and arrays, completely or not at all."""
+    """Write a file of a JSON header and arrays atomically."""
     try:
         text = json.dumps(header)
     except (TypeError, ValueError, RecursionError) as error:
@@ -87,7 +87,7 @@ def read_model_file(
     expected: str = FORMAT_NAME,
     largest: int = _LARGEST_FILE,
 ) -> tuple[NamedValues, Arrays]:
-    """(header, arrays) of a model file that has the arrays `needed`; else InputError."""
+    """(header, arrays) of a model file; InputError if it lacks an array in `needed`."""
     source = checks.path("path", path)
     files.check_readable(source, "a model")
     file_text = f"an {expected} file"
@@ -127,7 +127,7 @@ _ARRAYS_OF_PART = {
 
 
 def save_model(model: Parameters, path: str | os.PathLike[str]) -> None:
-    """Write a model, completely or not at all; see `AntiOscillators.save`."""
+    """Write a model to a file atomically; see `AntiOscillators.save`."""
     arrays = {name: getattr(model, name) for name in _MODEL_ARRAYS}
     if model.sites:  # of which it follows
         del arrays["m"]
@@ -250,7 +250,7 @@ def reduced_matrices(
     nodes: int | Sequence[int] | None = None,
     dofs: int | str | Sequence[int | str] = 0,
 ) -> ReducedMatrices:
-    """K and M (p + N, p + N) by k0, m_st (p, p), P (p, N) and omega (N,) [rad/s]."""
+    """K and M (p + N, p + N) from k0, m_st (p, p), P (p, N) and omega (N,) [rad/s]."""
     from scipy.linalg import block_diag  # takes long to load
 
     from antiosc.io.matrices import component_number
@@ -285,9 +285,9 @@ def reduced_matrices(
 class AntiOscillators(ReprMixin, Parameters):
     """Anti-oscillator model of a structure at one impact site along one direction, or at several.
 
-    What follows "Several:" applies to models of several sites. Their displacements u (p,) are those
-    of `columns` that can move independently of each other, usually all: one for each site, and two
-    more for a site with tangential directions.
+    Text after "Several:" applies to models of several sites. Their displacements u (p,) are the
+    `columns` that can move independently of each other, usually all of them: one for each site, and
+    two more for a site with tangential directions.
 
     Parameters
     ----------
@@ -302,52 +302,52 @@ class AntiOscillators(ReprMixin, Parameters):
         They are sorted by frequency. N may be 0: the classical one-degree-of-freedom model.
         Several: m follows from P, m_i = P_i P_i' (N, p, p).
     local_compliance : float
-        Half-space compliance of the patch [m/N], contained in 1/k0. Hertz's law contains it as
-        well, so `simulate` subtracts it from the contact law. Several: one for each site.
+        Half-space compliance of the patch [m/N], contained in 1/k0. As Hertz's law contains it
+        too, `simulate` subtracts it from the contact law. Several: one for each site.
     radius : float, optional
         Radius of the patch [m]; None for a point. Several: one for each site.
     participation : array_like, shape (N + 1,), optional
-        Generalised masses [kg] of a unit uniform acceleration along the impact direction:
+        Generalised masses [kg] for a unit uniform acceleration e along the impact direction:
         phi_0^T M e for the residual mode, then psi_i^T M e. Needed for gravity on a structure
-        with a rigid-body mode. Several: (p + N, 3), of the shapes along the three axes.
+        with a rigid-body mode. Several: (p + N, 3), for the shapes along the three axes.
     shapes : array_like, shape (n_dofs, N + 1), optional
         Columns psi_0 = phi_st and psi_i = c_i phi_i of Article eq. (9); not saved to files.
-        Several: (n_dofs, p + N), the p shapes of unit displacements and the N of unit mass.
+        Several: (n_dofs, p + N), p shapes of unit displacement and N of unit mass.
     direction : array_like, shape (3,), optional
-        Unit vector of the direction of impact, in the axes of the mesh. Several: (C, 3), of the
-        columns.
+        Unit vector of the direction of impact, in the axes of the mesh. Several: (C, 3), one for
+        each column.
     inertia : Inertia, optional
         For a structure with rigid-body modes: the momentum (N + 1 + h, 6) of unit amplitudes of
         psi_0 ... psi_N and of the h hidden rigid-body motions (mass-normalised), which do not move
-        the site. The contact force does not act on them; initial velocity and gravity do.
+        the site. The contact force does not act on hidden motions; initial velocity and gravity do.
     hidden : array_like, shape (n_dofs, h), optional
-        Shapes of those h motions; not saved to files.
+        Shapes of the h hidden motions; not saved to files.
     damping : Damping or DampingMatrix, optional
-        Damping of the free modes, each for itself, or a matrix that couples them.
+        Damping of each free mode, or a matrix that couples the free modes.
     info : ModelInfo, or dict
         Record of the extraction (`antiosc.models.body`).
     P : array_like, shape (p, N), optional
-        Several sites: inertias [kg^1/2] of the constraint modes, in place of `m`.
+        Several sites: inertial couplings [kg^1/2] of the constraint modes, instead of `m`.
     sites : sequence of str
-        Names of several sites; () for the one site without a name.
+        Names of several sites; () for one site without a name.
     columns : mapping, optional
-        Name of a site -> its columns among C, the normal one first, then tangential ones; default:
-        one column each, in order.
+        Name of a site -> numbers of its columns (of C in all), first the normal, then the
+        tangential ones; default: one column for each site, in order.
     dependence : array_like, shape (C, p), optional
-        Displacements of all columns for unit displacements u; default: the columns are u.
+        Displacements of all columns for unit displacements u; default: identity.
     rigid : array_like, shape (p, q), optional
         Displacements u of several sites in the rigid-body modes of unit mass that move them;
         default: from the null vectors of k0.
     strain_error : array_like, shape (N + 1, N + 1), optional
-        Energies [N/m] of the errors of the strains of psi_0 ... psi_N that the mesh leaves, by
+        Strain energies [N/m] of the discretisation errors of psi_0 ... psi_N, estimated by
         `extract(..., error="estimate")`; see `corrected`. Several: (p + N, p + N), of the shapes.
     strain_misfit : array_like, of the same shape, optional
-        For shells with `strain_error`: work [N/m] of the section forces of one shape on the change
-        of the strains of the other by the interpolation of the elements, of either sign.
+        For shells with `strain_error`: work [N/m], of either sign, of the section forces of one
+        shape on the change that the elements' strain interpolation makes in another's strains.
     stretch : Stretch, optional
         Second-order forces of some free modes, by `extract(..., stretch=...)`.
     recurrence : Recurrence, optional
-        What bounds the motion that the model leaves out, by `extract(..., proof=...)`.
+        Data that bound the motion that the model leaves out, from `extract(..., proof=...)`.
 
     Raises
     ------
@@ -409,7 +409,7 @@ class AntiOscillators(ReprMixin, Parameters):
         return np.asarray(self.k0 - x * (self.m0 + dynamic_mass))
 
     def truncated(self, n: int) -> AntiOscillators:
-        """The model with the `n` lowest anti-oscillators; the mass of the others returns to m0."""
+        """The model with the `n` lowest anti-oscillators; m0 takes the mass of the others."""
         n = checks.whole("n", n, least=0)
         if n > self.n:
             raise InputError(f"n must be <= {self.n}, the number of anti-oscillators; got {n}.")
@@ -450,9 +450,9 @@ class AntiOscillators(ReprMixin, Parameters):
     def corrected(self) -> AntiOscillators:
         """The model softened by its `strain_error`: closer to the exact structure.
 
-        The excess stiffness of the mesh is removed, for all shapes together
-        (`antiosc.models.parameters`); the masses of the shapes stay. A shell that is softer than
-        the part for its `strain_misfit` is stiffened. The error that is left is unknown.
+        The excess stiffness of the mesh is removed for all shapes together
+        (`antiosc.models.parameters`); the masses of the shapes do not change. A shell that is too
+        soft because of its `strain_misfit` is stiffened. The remaining error is unknown.
 
         Raises
         ------
@@ -465,7 +465,7 @@ class AntiOscillators(ReprMixin, Parameters):
         return replace(softened, stretch=self._stretch_of_corrected(self.stretch))
 
     def _stretch_of_corrected(self, stretch: Stretch) -> Stretch:
-        """Second-order forces for the corrected model: of the same motions, in its free modes."""
+        """Second-order forces of the same motions, in terms of the corrected model's free modes."""
         # the motions are expressed in the shapes of this model
         shapes = np.eye(self.n_sites + self.n)
         raw = replace(self, stretch=None, inertia=None, hidden=None, shapes=shapes)
@@ -481,8 +481,8 @@ class AntiOscillators(ReprMixin, Parameters):
     def field(self, coordinates: ArrayLike) -> Array:
         """Nodal displacements (..., n_dofs) of Article eq. (8) for lambda (..., N + 1).
 
-        Hidden motions follow lambda, (..., N + 1 + h); without them they are at rest. Several
-        sites: for u and the amplitudes of the constraint modes of unit mass, (..., p + N).
+        Amplitudes of the h hidden motions may follow lambda, (..., N + 1 + h); default: 0. Several
+        sites: coordinates u and amplitudes of the constraint modes of unit mass, (..., p + N).
         """
         size = self.n_sites + self.n
         x = checks.floats("coordinates", coordinates, None)
@@ -497,9 +497,9 @@ class AntiOscillators(ReprMixin, Parameters):
         return self.free_modes.field(np.concatenate((x, at_rest), axis=-1))
 
     def with_surface(self, material: object, radius: float = inf) -> AntiOscillators:
-        """This model with a material at its sites, from which `contact="auto"` takes the law.
+        """This model with a material at its sites, by which `contact="auto"` chooses a law.
 
-        It is for a model without the surface of a mesh: measured, from matrices, in closed form.
+        For models whose surface is not known from a mesh: measured, from matrices, in closed form.
 
         Parameters
         ----------
@@ -509,7 +509,7 @@ class AntiOscillators(ReprMixin, Parameters):
         Raises
         ------
         InputError
-            A name that is not known, a material with directions, a radius that is not positive.
+            An unknown name, an anisotropic material, a radius that is not positive.
         """
         matter = matter_of(material)
         if matter is None:
@@ -524,7 +524,7 @@ class AntiOscillators(ReprMixin, Parameters):
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """Dynamic stiffness and masses as a matplotlib figure; see `plotting.plot_model`.
 
-        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
+        With `path` (PNG, PDF, SVG, …) the picture is written and the path is returned.
         """
         from antiosc.plot.charts import plot_model
 
@@ -546,10 +546,10 @@ class AntiOscillators(ReprMixin, Parameters):
         return self.free_modes
 
     def site_modes(self) -> SiteModes:
-        """A model of several sites in its free modes, as a scene takes it.
+        """A model of several sites in its free modes, for a scene.
 
-        Its coordinates are u (p,), the amplitudes of the constraint modes (N,) and those of the
-        hidden motions.
+        Its coordinates are u (p,), the amplitudes of the constraint modes (N,) and of the hidden
+        motions.
         """
         if not self.sites:
             raise InputError("this model has one site: modal() is its form in free modes.")
@@ -564,10 +564,10 @@ class AntiOscillators(ReprMixin, Parameters):
     def to_matrices(
         self, nodes: int | Sequence[int] | None = None, dofs: int | str | Sequence[int | str] = 0
     ) -> ReducedMatrices:
-        """K and M of the undamped model, the dofs of the sites first: a superelement.
+        """K and M of the undamped model as a superelement, with the dofs of the sites first.
 
-        A warning names damping of the model, which is left out. Hidden rigid-body motions,
-        which do not move the sites, are left out.
+        Damping is left out, with a warning, and so are hidden rigid-body motions, which do not
+        move the sites.
 
         Parameters
         ----------
@@ -579,7 +579,7 @@ class AntiOscillators(ReprMixin, Parameters):
         Raises
         ------
         InputError
-            Numbers that do not fit the sites, or sites that depend on each other.
+            Numbers that do not fit the sites; sites that do not move independently.
         """
         if self.damping is not None:
             warn("the damping of the model is left out of its matrices.", AccuracyWarning)
@@ -593,8 +593,7 @@ class AntiOscillators(ReprMixin, Parameters):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model to one NumPy .npz file with a header in JSON.
 
-        The file is complete or absent. Shapes are not stored. InputError where it cannot be
-        written.
+        The file is written atomically. Shapes are not stored. InputError if writing fails.
         """
         save_model(self, path)
 
@@ -609,7 +608,7 @@ class AntiOscillators(ReprMixin, Parameters):
 
 
 def is_reduced(model: object) -> TypeGuard[AntiOscillators]:
-    """Whether a model is one of the Krylov method whose anti-oscillators have not converged."""
+    """Whether a model is from the Krylov method and has unconverged anti-oscillators."""
     if not isinstance(model, AntiOscillators) or model.info.method != "krylov":
         return False
     return model.info.converged is not None and model.info.converged < model.n

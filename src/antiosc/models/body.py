@@ -2,9 +2,9 @@
 
 `ModelInfo` records the origin of a model, its computation, and the data for its error bars.
 
-`LinearBody` is the interface that a foreign body must implement; `Body` is the one that the
-simulations read. The bodies of this package are `Body`s; a foreign body gets defaults for missing
-attributes (`checked_body`).
+`LinearBody` is the interface that a user's body must implement; simulations use the interface
+`Body`. The bodies of this package are `Body`s; a user's body gets defaults for missing attributes
+(`checked_body`).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ UNKNOWN_SURFACE = "not known"
 
 
 class MeasuredBand(TypedDict):
-    """Bodies consistent with a measurement, in free modes as of a `ModalBody`."""
+    """Bodies consistent with a measurement, by their free modes (as in `ModalBody`)."""
 
     top: float  # upper end of the band [rad/s]
     draws: int  # number of the first bodies, which differ by noise, others by modes above the band
@@ -59,32 +59,32 @@ class MeasuredBand(TypedDict):
 class ModelInfo(ReprMixin):
     """Data of an extracted model besides its parameters, immutable.
 
-    `info.dofs` and `info["dofs"]` are the same; the latter is a KeyError if the value is unknown,
-    and finds the `notes` too.
+    `info.dofs` and `info["dofs"]` are the same; the latter raises KeyError if the value is unknown,
+    and also finds the `notes`.
 
     Attributes
     ----------
     method : "krylov", "modes", "superposition", "full" or "frf".
-    dofs : number of its dofs.
-    converged : how many of the lowest anti-oscillators have converged to antiresonances.
+    dofs : number of dofs of the structure.
+    converged : number of the lowest anti-oscillators that have converged to antiresonances.
     point, direction : place [m] and direction of a site without a name.
     points : places [m] of named sites.
-    no_estimate : why `extract(…, error="estimate")` refuses the part; None if it does not.
+    no_estimate : reason why `extract(…, error="estimate")` refuses the part, if it does.
     measured : data of the error bars of a model from measured frequency responses.
-    surfaces : site ("" without a name) -> material and curvature as for `Surface.as_dict`, or why
-        they are unknown; the law of a contact follows from them.
-    thickness : least thickness [m] of its sheets, or the mean thickness of a thin solid, which
-        linear theory describes for small deflections; None for others, and for those that are
-        supported along one line alone, as a cantilever.
-    cells : site ("" without a name) -> longest edge [m] of the cell there, product of the
-        speed of waves and the radius of gyration [m²/s], 0 without bending, and that speed [m/s].
-    notes : what else is known, as JSON values: the `structure`, its `doubts`; numbers of modes that
-        were computed, unobservable or merged, `seconds` of the steps, the `solver`, the `band` [Hz]
-        with its `error_bound`, the `expansion` point [Hz], the meshes of `strike`; of the mesh's
-        error what it is of (`divided` cells) and what is `not_included`, and of the `patch` the
-        size of its `faces` [m], whether an edge has `cut` it, the `radius` [m] of a second one and
-        its change of `compliance` [m/N]; `second_order`: site of a curved sheet -> change of the
-        force [1/m] by second-order strain, a share for each metre of displacement; < 0: softer.
+    surfaces : site ("" without a name) -> material and curvature as for `Surface.as_dict`, or the
+        reason why they are unknown; `contact="auto"` chooses the law by them.
+    thickness : least thickness [m] of the sheets, or mean thickness of a thin solid; linear theory
+        holds for deflections that are small against it. None for other structures, and for parts
+        that are supported along one line only, as a cantilever.
+    cells : site ("" without a name) -> (longest edge of the cell there [m]; bar wave speed times
+        radius of gyration [m²/s], 0 without bending; bar wave speed [m/s]).
+    notes : other data as JSON values: the `structure`, its `doubts`; numbers of modes that were
+        computed, unobservable or merged; `seconds` of the steps, the `solver`, the `band` [Hz] with
+        its `error_bound`, the `expansion` point [Hz], the meshes of `strike`. On the error
+        estimate: whether it is by `divided` cells, and text on what is `not_included`. On the
+        `patch`: size of its `faces` [m], whether an edge has `cut` it, `radius` [m] of a second
+        patch and its change of `compliance` [m/N]. `second_order`: site of a curved sheet ->
+        relative change of the force per metre of displacement [1/m]; < 0: it softens.
     """
 
     method: str | None = None
@@ -102,7 +102,7 @@ class ModelInfo(ReprMixin):
 
     @classmethod
     def of(cls, record: ModelInfo | Mapping[str, Any]) -> ModelInfo:
-        """A record, or a mapping as a record: unknown names become `notes`; else InputError."""
+        """A mapping (or record) as a record; unknown names become `notes`. Else InputError."""
         if isinstance(record, ModelInfo):
             return record
         checks.instance("info", record, Mapping, "a ModelInfo, or a dict of facts")
@@ -112,7 +112,7 @@ class ModelInfo(ReprMixin):
         return cls(**attributes, notes=notes)
 
     def having(self, **facts: Any) -> ModelInfo:
-        """The record with further `facts`; those that are no attributes go into `notes`."""
+        """The record with further `facts`; facts that are not attributes go into `notes`."""
         return ModelInfo.of({**self.as_dict(), **facts})
 
     def __post_init__(self) -> None:
@@ -170,18 +170,19 @@ def info_of(body: object) -> ModelInfo:
 
 
 def resolved_frequency(source: Any) -> float:
-    """Frequency [Hz] up to which a model has the motion of points far from its site.
+    """Frequency [Hz] up to which a model represents the motion of points far from its site.
 
-    The contact force depends on the structure at its site only, for which few anti-oscillators are
-    enough. The motion elsewhere depends on every natural mode. The model represents those below its
-    last anti-oscillator that has converged to an antiresonance, whose frequency is returned. It
-    grows with the number of anti-oscillators, which must exceed that of the natural modes below it.
+    The contact force depends only on the structure's response at its site, for which few
+    anti-oscillators are enough. The motion elsewhere depends on every natural mode. The model
+    represents the natural modes below its last anti-oscillator that has converged to an
+    antiresonance, whose frequency is returned. More anti-oscillators raise this frequency; their
+    number must exceed the number of natural modes below it.
 
     Parameters
     ----------
     source : AntiOscillators, NaturalModes, History or BodyHistory
-        A model that `extract`, `superposition` or `full` made, or the result of an impact on it; of
-        a scene `hit.bodies[name]`.
+        A model from `extract`, `superposition` or `full`, or the result of an impact on it; for a
+        scene `hit.bodies[name]`.
 
     Returns
     -------
@@ -191,7 +192,7 @@ def resolved_frequency(source: Any) -> float:
     Raises
     ------
     InputError
-        For a model without these data: built by hand, or read from a file that lacks them.
+        A model without these data: made by hand, or read from a file that lacks them.
     """
     model = getattr(source, "model", source)
     scene_body = getattr(source, "placed", None)
@@ -215,19 +216,19 @@ def resolved_frequency(source: Any) -> float:
 
 @runtime_checkable
 class LinearBody(Protocol):
-    """The one protocol of bodies in an impact: models, impactors and foreign models alike.
+    """The protocol of bodies in an impact: models, impactors and users' own models.
 
     The `basis` of its `ModalBody` gives the fields of a history. A body may also have `velocity`,
     `gap`, `local_compliance` and `radius` of its patch; they have the same meaning as in `Body`.
     """
 
     def modal(self) -> ModalBody:
-        """The body in free modes, seen from its contact point."""
+        """The body in free modes, with their displacements at its contact point."""
         ...
 
 
 class Body:
-    """A linear body as the simulations read it; the defaults are those of a structure at rest."""
+    """Interface of a linear body for simulations; the defaults describe a structure at rest."""
 
     #: of an impactor, m/s, > 0 toward the structure; or how it moves in space
     velocity: float | Motion = 0.0
@@ -240,16 +241,16 @@ class Body:
 
     @property
     def patch_radius(self) -> float | None:
-        """Radius [m] of the patch that averages the contact's displacement; None: a point."""
+        """Radius [m] of the patch over which the contact displacement is averaged, None: point."""
         return None
 
     def surface(self, site: str = "") -> Surface | None:
-        """The surface at a site, which determines the law of a contact; None if unknown."""
+        """The surface at a site, by which a contact law is chosen; None if unknown."""
         table = (info_of(self).surfaces or {}).get(site) if isinstance(site, str) else None
         return Surface.of(table) if table and UNKNOWN_SURFACE not in table else None
 
     def modal(self) -> ModalBody:
-        """The body in free modes, seen from its contact point."""
+        """The body in free modes, with their displacements at its contact point."""
         raise NotImplementedError
 
 
@@ -273,7 +274,7 @@ class ModalModel(Body):
 
 
 def checked_body(name: str, body: object) -> Body:
-    """`body` as a `Body` of one contact point, with defaults for a user's, or InputError."""
+    """`body` as a `Body` of one contact point; a user's body gets defaults. Else InputError."""
     if isinstance(body, Body):
         if body.sites:
             raise InputError(several_sites_message(name, body.sites))
@@ -288,7 +289,7 @@ def checked_body(name: str, body: object) -> Body:
 
 
 def _with_defaults(name: str, body: LinearBody) -> ModalModel:
-    """A foreign body with its attributes checked, and defaults for those it lacks."""
+    """A user's body with checked attributes, and defaults for missing ones."""
     velocity = getattr(body, "velocity", Body.velocity)
     if not isinstance(velocity, Motion):
         velocity = checks.number(f"the velocity of {name}", velocity, "m/s")
@@ -305,7 +306,7 @@ def _with_defaults(name: str, body: LinearBody) -> ModalModel:
 
 
 def site_points(body: object) -> dict[str, tuple[float, ...]]:
-    """Site ("" if it has no name) -> coordinates [m], of an extracted body."""
+    """Coordinates [m] of an extracted body's sites, by name ("" if it has none)."""
     info = info_of(body)
     points = {"": info.point} if info.points is None else info.points
     return {
@@ -316,7 +317,7 @@ def site_points(body: object) -> dict[str, tuple[float, ...]]:
 
 
 def several_sites_message(name: str, sites: tuple[str, ...]) -> str:
-    """Message that the body `name` has several sites where one is required."""
+    """Error message: the body `name` has several sites and one is required."""
     return (
         f"{name} has the sites {', '.join(sites)}: pose its impact as a Scene, with ends such as "
         f'"part:{sites[0]}", or extract a model of one site.'
@@ -343,12 +344,12 @@ class CoarseLength(NamedTuple):
 
     @property
     def allowed(self) -> float:
-        """Recommended edge length of cells [m]: half of the longest that is accepted."""
+        """Recommended edge length of cells [m]: half of the longest accepted length."""
         return LARGE_CELL_WAVES * self.wavelength / 2
 
 
 def coarse_at(model: object, site: str, contact_time: float) -> CoarseLength | None:
-    """The cell at a site if the waves of a contact of this time [s] need smaller ones, or None."""
+    """The cell at a site if it is too long for the waves of a contact of this time [s], or None."""
     info = info_of(model)
     is_estimated = getattr(model, "strain_error", None) is not None
     cell = (info.cells or {}).get(site)
@@ -361,7 +362,7 @@ def coarse_at(model: object, site: str, contact_time: float) -> CoarseLength | N
 
 
 def wide_patch(model: object, site: str, contact_time: float) -> CoarseLength | None:
-    """The patch at a site if it is too wide for the bending waves of a contact; else None."""
+    """The patch at a site if it is too wide for the bending waves of a contact, or None."""
     cell = (info_of(model).cells or {}).get(site)
     radius = getattr(model, "patch_radius", None)
     if cell is None or radius is None or not cell[1]:
@@ -372,7 +373,7 @@ def wide_patch(model: object, site: str, contact_time: float) -> CoarseLength | 
 def _too_long(
     size: float, limit: float, cell: Sequence[float], contact_time: float
 ) -> CoarseLength | None:
-    """The length `size` [m] if it is more than `limit` wavelengths of a contact in this `cell`."""
+    """The length `size` [m] if it exceeds `limit` wavelengths of a contact, or None."""
     _, bending, speed = cell
     omega = pi / contact_time
     wave = min(2 * pi * sqrt(bending / omega) if bending else inf, 2 * pi * speed / omega)
@@ -380,7 +381,7 @@ def _too_long(
 
 
 def coarse_cell_warning(model: object, site: str, contact_time: float) -> str:
-    """Warning of a cell that does not resolve the waves of a contact; "" for others."""
+    """Warning that a cell does not resolve the waves of a contact; "" if it does."""
     cell = coarse_at(model, site, contact_time)
     if cell is None:
         return ""
@@ -427,14 +428,14 @@ def is_auto(contact: object) -> TypeGuard[Literal["auto"]]:
 
 
 def choice_at_sites(first: object, second: object, sites: tuple[str, str] = ("", "")) -> Choice:
-    """The choice of a contact law by the surfaces of two bodies; InputError if one is unknown."""
+    """The contact law chosen by the surfaces of two bodies; InputError if one is unknown."""
     from antiosc.engine.contact.choice import choose_law  # loaded where it is used
 
     return choose_law(_surface(first, sites[0]), _surface(second, sites[1]))
 
 
 def piercing_warning(first: object, second: object, sites: tuple[str, str] = ("", "")) -> str:
-    """Sentence if a round striker also touches the part beside its site; otherwise ""."""
+    """Warning if a round striker also touches the part beside its site; otherwise ""."""
     bodies = first, second
     surfaces = [
         body.surface(site) if isinstance(body, Body) else None
@@ -457,7 +458,7 @@ def piercing_warning(first: object, second: object, sites: tuple[str, str] = (""
 
 
 def second_contact_of(part: Surface, striker: Surface) -> tuple[float, float, float] | None:
-    """Point of the part that a round striker reaches beside its site; None if there is none."""
+    """Point of the part beside the site that a round striker touches; None if there is none."""
     low, high = striker.curvatures
     round_tip = striker.kind == CURVED and low == high and low > 0
     if round_tip and 1 / low > part.largest_ball:
@@ -488,14 +489,14 @@ def _surface(body: object, site: str) -> Surface:
 
 
 def law_of(contact: object, first: object, second: object) -> ContactLaw:
-    """`contact` itself, or for "auto" the law by the surfaces of the two bodies."""
+    """`contact` itself; for "auto" the law chosen by the surfaces of the two bodies."""
     if is_auto(contact):
         return choice_at_sites(first, second).law
     return checks.instance("contact", contact, ContactLaw, LAW_RULE)
 
 
 def choice_of(law: ContactLaw, first: object, second: object) -> Choice | None:
-    """The choice by "auto" of a law that is equal to `law`; None if the law is another."""
+    """The choice that "auto" would make if its law equals `law`, else None."""
     try:
         choice = choice_at_sites(first, second)
     except InputError:

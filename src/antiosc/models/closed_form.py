@@ -1,14 +1,14 @@
 """A uniform beam on any end supports, struck at any point: its anti-oscillators and modes, exact to
 rounding.
 
-Lengths are in L, deflections in L, forces in EI/L² and masses in rhoA L; Ω = ω² rhoA L⁴/EI,
+Lengths and deflections are in units of L, forces of EI/L², masses of rhoA L; Ω = ω² rhoA L⁴/EI,
 alpha = rhoI/(rhoA L²), η = EI/(kGA L²). The curvature κ = θ' and the shear γ = w' - θ are
-polynomials on each of the two segments beside the site (γ is 0 where η is),
+polynomials on each of the two segments beside the site (γ = 0 if η = 0),
 
     θ = θ₀ + ∫κ,   w = w₀ + θ₀ x + ∫∫κ + ∫γ,
 
-so that w and θ are continuous by themselves, and in orthonormal polynomials κ and γ/√η the
-stiffness ∫ κ² + γ²/η is the identity. The lowest modes converge exponentially with the degree.
+so that w and θ are continuous; with orthonormal polynomials for κ and γ/√η the stiffness
+∫ κ² + γ²/η is the identity. The lowest modes converge exponentially with the degree.
 S. P. Timoshenko, Phil. Mag. 41 (1921) 744.
 """
 
@@ -45,7 +45,7 @@ class UniformBeam:
 
         EI θ'' + kGA (w' - θ) + ω² rhoI θ = 0,    kGA (w'' - θ') + ω² rhoA w = 0,
 
-    and Euler-Bernoulli's beam is their limit kGA → ∞, rhoI → 0, which this class allows exactly.
+    and Euler-Bernoulli's beam is their limit kGA = ∞, rhoI = 0, which may be given exactly.
 
     Attributes
     ----------
@@ -171,7 +171,7 @@ class StruckBeam:
         )
 
     def _in_polynomials(self, count: int) -> PolynomialBeam:
-        """The beam in polynomials of the degrees that its `count` lowest modes need."""
+        """The beam in polynomials of the degree that its `count` lowest modes need."""
         site = self.site / self.beam.length
         degrees = (
             math.ceil(HALF_WAVE_POLYNOMIALS * count * share) + END_POLYNOMIALS
@@ -182,8 +182,8 @@ class StruckBeam:
     def _observable(
         self, n: int, *, held: bool = True
     ) -> tuple[PolynomialBeam, Array, Array, Array]:
-        """(beam, √Ω (n,), shapes, b or c (n,)) of the n lowest modes that move the site (b);
-        `held`: of constraint modes with inertia c against the static shape."""
+        """(beam, √Ω (n,), shapes, b (n,)) of the n lowest modes that move the site by b. With
+        `held`, constraint modes and their inertial coupling c to the static shape instead of b."""
         count = n + 2
         while True:
             solved = self._in_polynomials(count)
@@ -197,16 +197,18 @@ class StruckBeam:
 
 
 class PolynomialBeam:
-    """A struck beam of length 1 in polynomials of the curvature and of the shear; see the module.
+    """A struck beam of length 1 in polynomials of curvature and shear; see the module.
 
-    Coefficients are w₀, θ₀, then those of κ and of γ/√η segment by segment.
+    Coefficients are w₀, θ₀, then the coefficients of κ and of γ/√η, segment by segment.
 
     Attributes
     ----------
     at_site, moved : (size,) deflection of the site, momentum across the beam.
-    rigid, hidden : (size, r) M-orthonormal rigid-body modes, and those that leave the site at rest.
-    static : (size,) φ_st, or with rigid-body modes the one that moves the site by 1.
-    k0, m_st : those of `static`; deflection : (size,) that of a unit force, elastic alone.
+    rigid, hidden : (size, r) M-orthonormal rigid-body modes, and rigid-body modes with the site at
+        rest.
+    static : (size,) φ_st, or with rigid-body modes the rigid motion that moves the site by 1.
+    k0, m_st : stiffness and mass of `static`.
+    deflection : (size,) elastic deflection under a unit force.
     """
 
     def __init__(self, struck: StruckBeam, *degrees: int) -> None:
@@ -274,7 +276,7 @@ class PolynomialBeam:
         return np.hstack(w), np.hstack(theta)
 
     def lowest(self, n: int, *, held: bool) -> tuple[Array, Array]:
-        """(√Ω > 0 ascending (n,), shapes of unit mass (size, n)); `held`: with the site fixed."""
+        """(√Ω > 0 ascending (n,), shapes of unit mass (size, n)); `held`: the site is fixed."""
         rows = np.vstack((self._held, self.at_site)) if held else self._held
         N = null_space(rows) if len(rows) else np.eye(self.size)
 
@@ -289,13 +291,13 @@ class PolynomialBeam:
 
 
 def _stiffness(shapes: Array) -> Array:
-    """Stiffness of shapes (size, n): coefficients of curvature and shear have 1, w₀ and θ₀ 0."""
+    """Stiffness φᵀKφ of `shapes` (size, n); K is diagonal, 0 for w₀ and θ₀, else 1."""
     strains = shapes[2:]
     return strains.T @ strains
 
 
 def _integrals(values: Array) -> Array:
-    """Integrals (points, k) from -1 of Legendre's polynomials (points, k + 1), and of integrals."""
+    """Integrals (points, k) from -1 of series in Legendre polynomials (points, k + 1)."""
     differences = values[:, 1:].copy()
     differences[:, 0] += values[:, 0]
     differences[:, 1:] -= values[:, :-2]
@@ -308,16 +310,16 @@ def pinned_free(beam: UniformBeam, site: float | None = None) -> StruckBeam:
 
 
 def pinned_pinned(beam: UniformBeam, site: float | None = None) -> StruckBeam:
-    """Pinned at both ends, struck at `site` (m), mid-span unless given."""
+    """Pinned at both ends, struck at `site` (m); default: mid-span."""
     return StruckBeam(beam, "pinned", "pinned", _site(beam, 0.5, site))
 
 
 def cantilever(beam: UniformBeam, site: float | None = None) -> StruckBeam:
-    """Clamped at x = 0, struck at `site` (m), the free tip unless given: 1/k0 = a³/3EI + a/kGA."""
+    """Clamped at x = 0, struck at x = a = `site` (m), default: the tip; 1/k0 = a³/3EI + a/kGA."""
     return StruckBeam(beam, "clamped", "free", _site(beam, 1.0, site))
 
 
 def _site(beam: UniformBeam, share: float, site: float | None) -> float:
-    """`site` [m]; if it is None, `share` of the length."""
+    """`site` [m], or `share` of the length if it is None."""
     length = checks.instance("beam", beam, UniformBeam, "a UniformBeam").length
     return share * length if site is None else site

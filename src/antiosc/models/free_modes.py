@@ -8,18 +8,18 @@ and the inertia G = y'My of its static deflection y under a unit force there,
 
 and h, the part of the truncated modes, is approximated by one mode that matches r and s: its
 frequency is w_r^2 = r/s and its weight b_r^2 = r w_r^2. (Without G it has no mass: h = r.) If there
-are rigid-body modes and hence no static deflection, C and G are those of K + shift M, and the
+are rigid-body modes, and hence no static deflection, C and G belong to K + shift M, and the
 expansion is about x = -shift.
 
 The truncated modes have 0 < 1/w^2 <= 1/w_J^2. At real x, h therefore lies between the value of the
 one mode and the chord r (1 - p + p/(1 - x/w_J^2)), p = s w_J^2/r, which gives an error bound at
-every site. (The small damping at which Z is compared changes it by one per cent; between two
+every site. (The small damping at which Z is compared changes the bound by one per cent; between two
 samples it may rise by a quarter.)
 
 In these J + 1 coordinates the stiffness is diagonal, D = diag(w_j^2). The flexibility with the site
 constrained is a rank-one change of A^-1, T = A^-1 - A^-1 b b'A^-1/C with A = D + shift. Its
-eigenvectors are the constraint modes, and the antiresonances are 1/theta - shift of its eigenvalues
-theta: the zeros of H.
+eigenvectors are the constraint modes; its eigenvalues theta give the antiresonances, the zeros
+1/theta - shift of H.
 
 Z of an undamped model is infinite at its poles and zero at its zeros, where relative errors are
 meaningless. Z is therefore compared at complex frequencies with 1 % damping, ω(1 + 0.01 i).
@@ -101,17 +101,17 @@ def from_free_modes(
         b'y [m/N], y = (K + shift M)^-1 b: for shift = 0 the static displacement of the site under
         a unit force.
     inertia : float, optional
-        y'My [kg m^2/N^2]. None: the modes left out have no mass.
+        y'My [kg m^2/N^2]. None: the truncated modes have no mass.
     n : int, optional
-        Anti-oscillators, those that give the best Z(omega), as in `extract`. The n lowest zeros
-        of H: `truncated(n)` of the whole model.
+        Number of anti-oscillators, chosen for the best Z(omega), as in `extract`; default: all.
+        For the n lowest zeros of H, call `truncated(n)` of the whole model.
     shift : float
-        [rad^2/s^2], > 0 where a frequency is 0.
+        Shift [rad^2/s^2], > 0 if a frequency is 0.
 
     Raises
     ------
     InputError
-        Bad shapes; modes more compliant than the structure.
+        Arrays that do not fit; modes that are more compliant than the structure.
     """
     b = checks.floats("b", b, (None,))
     C = np.array([checks.positive("compliance", compliance, "m/N")])
@@ -128,7 +128,7 @@ def site_models(
     n: int | None = None,
     shift: float = 0.0,
 ) -> SiteModels:
-    """As `from_free_modes` for S sites at once: b (S, J), compliance and inertia (S,)."""
+    """As `from_free_modes`, for S sites at once: b (S, J), compliance and inertia (S,)."""
     omega = checks.floats("omega", omega, (None,))
     if not omega.size or np.any(omega < 0) or np.any(np.diff(omega) < 0) or omega[-1] == 0:
         raise InputError("omega must ascend from 0 or above to a frequency > 0.")
@@ -159,8 +159,8 @@ def site_models(
 def residual_parameters(
     omega: Array, b: Array, C: Array, G: Array | None, shift: float = 0.0
 ) -> tuple[Array, Array]:
-    """Compliance r (S,) [m/N] and inertia s (S,) of what modes omega (J,), b (S, J) leave out of C,
-    G (S,), those of all modes; s = 0 if it has no mass, r = 0 if there is nothing."""
+    """Compliance r (S,) [m/N] and inertia s (S,) of the truncated modes: C, G (S,) of all modes
+    minus those of the modes `omega` (J,), b (S, J). Without mass s = 0; without any, r = 0 too."""
     x = omega**2 + shift
     modal = b**2 @ (1 / x)
     heavy = b**2 @ (1 / x**2)
@@ -190,9 +190,9 @@ def error_bound(
     band: float,
     shift: float = 0.0,
 ) -> tuple[Array, Array]:
-    """Bounds (S,) on |dZ|/|Z| up to `band` [rad/s], below the last mode, with one per cent of
-    damping: by the modes left out, and by keeping n anti-oscillators; their sum bounds all. Others
-    as of `site_models`."""
+    """(bounds (S,) on |dZ|/|Z| due to the truncated modes, bounds due to keeping n
+    anti-oscillators) up to `band` [rad/s], below the last mode, with one per cent of damping; their
+    sum bounds the error. Other arguments as for `site_models`."""
     omega = checks.floats("omega", omega, (None,))
     b = checks.floats("b", b, (None, omega.size))
     C, G = (checks.floats(name, v, (len(b),)) for name, v in (("C", compliance), ("G", inertia)))
@@ -239,8 +239,8 @@ MASSLESS_ROOT = 1e-12
 def model_parameters(
     omega: Array, b: Array, r: Array, s: Array, n: int, shift: float
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """(k0 (S,), m0 (S,), m_st (S,), omega (S, n), m (S, n)) of the models of S sites, by their
-    modes and `residual_parameters` r, s (S,); n, shift as of `from_free_modes`."""
+    """(k0 (S,), m0 (S,), m_st (S,), omega (S, n), m (S, n)) of the models of S sites, from modes
+    and `residual_parameters` r, s (S,); n and shift as in `from_free_modes`."""
     heavy = s > 0
     truncated_pole = np.where(heavy, r / np.where(heavy, s, 1.0), omega[-1] ** 2 + shift)
     A = np.column_stack([np.broadcast_to(omega**2 + shift, b.shape), truncated_pole])
@@ -277,8 +277,8 @@ def model_parameters(
 def _lanczos(
     A: Array, b: Array, bAb: Array, massless: Array, phi: Array, n: int
 ) -> tuple[Array, Array, Array]:
-    """(n Ritz values of T (S, n), coefficients of phi (S, n), residual mass (S,)) by Lanczos from T
-    phi; the residual compliance r adds (b'v)^2/r to v'Av; r = 0 constrains b'v = 0."""
+    """(n Ritz values of T (S, n), coefficients of phi (S, n), residual mass (S,)) by the Lanczos
+    method from T phi. Residual compliance r > 0 adds (b'v)^2/r to v'Av; r = 0 requires b'v = 0."""
     y = b / A
     soft = massless > 0
     stiff = np.where(soft, 1 / np.where(soft, massless, 1.0), 0.0)
@@ -339,16 +339,16 @@ StiffnessFunction = Callable[[ComplexArray], Numbers]
 
 
 def sample_frequencies(top: float, lowest: float, step: float = DAMPING_RATIO) -> ComplexArray:
-    """Damped frequencies (W,), `step` apart, from `lowest`, below which Z is static, to `top`
-    [rad/s]."""
+    """Damped frequencies (W,) [rad/s], `step` apart, from `lowest` (below it Z is static) to
+    `top`."""
     start = BAND_START_RATIO * min(top, lowest)
     count = int(np.ceil(np.log(top / start) / step)) + 2
     return np.geomspace(start, top, count) * (1 + 1j * DAMPING_RATIO)
 
 
 def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Array:
-    """|change of Z| over |Z| (..., N) at each damped pole omega_i^2 if its mass m (..., N) is added
-    to m0 (...,), with which Z is written: -x m_st would cancel the term of a large m_i."""
+    """Relative change |dZ|/|Z| (..., N) at each damped pole omega_i^2 if its mass m (..., N) is
+    added to m0 (...,). Z is computed with m0, as -x m_st would cancel the term of a large m_i."""
     k0, m0, m, poles = (np.asarray(a, dtype=float) for a in (k0, m0, m, poles))
     weight = np.where(m > 0, m * poles, 0.0)
     poles = np.where(m > 0, poles, -1.0)
@@ -364,7 +364,7 @@ def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Arra
 
 
 def receptance_shares(b: ArrayLike, poles: ArrayLike) -> Array:
-    """|change of H| over |H| (J,) at each damped pole without its mode; H = sum b^2/(poles - x)."""
+    """Change |dH|/|H| (J,) of H = sum b^2/(poles - x) at each damped pole without its mode."""
     weight = np.asarray(b, dtype=float) ** 2
     poles = np.asarray(poles, dtype=float)
     share = np.ones(poles.shape)  # of a rigid-body mode at its own frequency, 0
@@ -377,8 +377,8 @@ def receptance_shares(b: ArrayLike, poles: ArrayLike) -> Array:
 def stiffness_error(
     Z: StiffnessFunction, reference: StiffnessFunction, band: float, lowest: float
 ) -> float:
-    """Largest |Z - Z_ref|/|Z_ref| from a quarter of `lowest` up to `band` [rad/s], by functions of
-    complex frequencies, with one per cent damping."""
+    """Largest |Z - Z_ref|/|Z_ref| from a quarter of `lowest` up to `band` [rad/s] with one per cent
+    damping; `Z` and `reference` are functions of complex frequencies."""
     s = sample_frequencies(
         checks.positive("band", band, "rad/s"), checks.positive("lowest", lowest, "rad/s")
     )

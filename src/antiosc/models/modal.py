@@ -1,4 +1,4 @@
-"""Every linear body in an impact is a set of free modes with their values at its sites.
+"""Every linear body in an impact is a set of free modes with their displacements at its sites.
 
 With mass-normalised free modes q_j, a force F on the contact point along the impact direction
 and a gravity g in that direction,
@@ -51,7 +51,7 @@ class Damping(FieldsRepr):
     ----------
     ratio : float or sequence of float
         Damping ratios of the elastic free modes in ascending order, below 1 (0.05 is 5 % of the
-        critical damping; a warning above 0.2); the last value applies to all higher modes.
+        critical damping; above 0.2 there is a warning); the last one applies to all higher modes.
     alpha, beta : float
         Rayleigh coefficients of C = alpha M + beta K [1/s], [s]. beta acts as a dashpot parallel to
         every spring of the model; alpha damps rigid-body motion as well.
@@ -101,7 +101,7 @@ class Damping(FieldsRepr):
 
 
 def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | None:
-    """`value` as a Damping: one ratio, a ratio for each mode, or a Damping itself; None: none."""
+    """`value` as a Damping: from one ratio, a ratio for each mode, a Damping, or None."""
     if value is None or isinstance(value, Damping):
         return value
     return Damping(ratio=value)
@@ -133,7 +133,7 @@ class ModalBase(ReprMixin):
         raise NotImplementedError
 
     def _check_modes(self, *points: int | None) -> None:
-        """Check and store the common attributes; `points`: lengths of the axis of points."""
+        """Check and store the common attributes."""
         omega = checks.floats("omega", self.omega, (None,))
         if np.any(omega < 0):
             raise InputError(f"omega must be >= 0; its least entry is {omega.min():g} rad/s.")
@@ -167,13 +167,13 @@ class ModalBase(ReprMixin):
                 )
 
     def _check(self, name: str, shape: tuple[int | None, ...]) -> None:
-        """Store the attribute `name` as an array after a check of its shape; None stays."""
+        """Store the attribute `name` as an array of the checked shape; None is kept."""
         if getattr(self, name) is not None:
             checks.store(self, **{name: checks.floats(name, getattr(self, name), shape)})
 
     @cached_property
     def first_order(self) -> FirstOrder | None:
-        """The body in first-order modes if its damping couples the free modes; else None."""
+        """The body in first-order modes if its damping couples the free modes, else None."""
         if self.damping is None:
             return None
 
@@ -204,7 +204,7 @@ class ModalBase(ReprMixin):
 
     @property
     def columns(self) -> dict[str, tuple[int, ...]]:
-        """Contact point ("" in a `ModalBody`) -> numbers of its columns."""
+        """Numbers of the columns of each contact point ("" in a `ModalBody`)."""
         return {"": (0,)}
 
     @property
@@ -318,7 +318,7 @@ class ModalBase(ReprMixin):
         return start
 
     def _rigid_projection(self, inertia: Inertia, motion: Array) -> tuple[Array, float]:
-        """(modal velocities (J,) of a rigid motion (6,), share of its energy lost)."""
+        """(modal velocities (J,) of a rigid motion (6,), lost share of its energy)."""
         start = np.where(self.omega == 0, inertia.momentum @ motion, 0.0)
         energy = float(motion @ inertia.matrix @ motion)
         if not np.any(motion):
@@ -337,7 +337,7 @@ class ModalBody(ModalBase):
         rigid-body motions, which do not move the contact point.
     r : residual compliance [m/N] >= 0 of the contact point, without inertia.
     decay : (J,) decay constants d [1/s]; None: undamped.
-    damping : DampingMatrix of the modes, where it couples them; None: it does not.
+    damping : DampingMatrix if the damping couples the modes, else None.
     weight : (J,) modal force of a unit gravity along the impact direction [kg^1/2]; None: unknown.
     shape, residual : (C, J) and (C,) the transformation to the body's own coordinates,
         x = shape q + residual F; None: the modes are the coordinates.
@@ -368,7 +368,7 @@ class ModalBody(ModalBase):
 
     @cached_property
     def mobility(self) -> float:
-        """Inverse of the effective mass [1/kg] at the contact point in its slowest motion."""
+        """Inverse effective mass [1/kg] at the contact point, moved rigidly or statically."""
         rigid = self.omega == 0
         b = self.b[rigid]
         if b.any():
@@ -382,7 +382,7 @@ class ModalBody(ModalBase):
 
     @cached_property
     def closing(self) -> Array:
-        """Displacements (J,) of the contact point against its direction: -b."""
+        """Displacements (J,) of the contact point opposite to its direction: -b."""
         return -self.b
 
 
@@ -406,7 +406,7 @@ def superposed(basis: tuple[Array, ...], amplitudes: Array) -> Array:
 
 
 def checked_basis(basis: object) -> tuple[Array, ...]:
-    """`basis` as blocks with equal numbers of rows, not copied, since they may be large."""
+    """`basis` as blocks with equal numbers of rows; large blocks are not copied."""
     blocks = tuple(basis) if isinstance(basis, tuple | list) else ()
     if not blocks or not all(isinstance(b, np.ndarray) and b.ndim == 2 for b in blocks):
         raise InputError(f"basis must list arrays of columns (n, …); got {checks.shown(basis)}.")
@@ -417,7 +417,7 @@ def checked_basis(basis: object) -> tuple[Array, ...]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SiteModes(ModalBase):
-    """A linear body in its free modes, seen from several sites.
+    """A linear body in its free modes, with their displacements at several sites.
 
     With mass-normalised modes q_j and forces f on the columns,
 
@@ -430,23 +430,23 @@ class SiteModes(ModalBase):
     b : array_like, shape (J, P)
         Displacement of each column in each mode [kg^-1/2]; 0 for hidden rigid motions.
     sites : mapping or sequence of names
-        Columns of each site, the one along which the contact pushes first, then up to two
-        tangential ones; names alone: one column each, in order.
+        Columns of each site: first the column along which the contact pushes, then up to two
+        tangential columns. With names only, each site has one column, in order.
     r : array_like, shape (P, P), optional
         Residual compliance [m/N], symmetric, positive semidefinite.
     directions : array_like, shape (P, 3), optional
         Unit vectors of the columns, in the axes of the scene.
     weight : array_like, shape (J, 3), optional
-        Modal forces of unit gravities along the axes [kg^1/2]; default: those of the inertia.
+        Modal forces of unit gravity along each axis [kg^1/2]; default: from `inertia`.
     residual : array_like, shape (C, P), optional
         Coordinates of the body per force, x = shape q + residual f.
     local_compliance : mapping, optional
-        Half-space compliance [m/N] of the patch of each site, which the modes contain.
+        Half-space compliance [m/N] of each site's patch, which the modes contain.
 
     Raises
     ------
     InputError
-        For shapes that do not fit and numbers outside their range.
+        Arrays that do not fit; numbers outside their range.
     """
 
     sites: Mapping[str, Sequence[int]] | Sequence[str]
@@ -501,7 +501,7 @@ class SiteModes(ModalBase):
 def columns_of_sites(
     sites: Mapping[str, Sequence[int]] | Sequence[str], count: int
 ) -> dict[str, tuple[int, ...]]:
-    """Columns of each site; one column each where names alone are given."""
+    """Columns of each site; one column for each if only names are given."""
     kinds = (Mapping, list, tuple)
     checks.instance("sites", sites, kinds, "a list of names, or a dict {name: columns of b}")
     pairs = sites.items() if isinstance(sites, Mapping) else zip(sites, range(count), strict=False)

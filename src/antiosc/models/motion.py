@@ -1,8 +1,8 @@
 """Rigid-body motion in space: initial motion and momentum, and its share at a site.
 
 A rigid motion with the velocity V of a reference point p and the spin W is written t = (V, W),
-shape (6,): every point x moves with V + W x (x - p). A body carries then the momentum and the
-angular momentum about p, as one array of shape (6,),
+shape (6,): every point x moves with V + W x (x - p). The momentum and the angular momentum of a
+body about p are then, as one array of shape (6,),
 
     (P, L) = S t,      S (6, 6): its mass, first moments and inertia tensor about p,
 
@@ -34,9 +34,9 @@ class Inertia(ReprMixin):
     ----------
     point : (3,) reference point p [m] of all moments.
     matrix : (6, 6) momentum [kg m/s] and angular momentum about p [kg m^2/s] of the whole body for
-        unit velocities along x, y, z and unit spins about the axes through p (S above). The entries
-        of motions that a plane body does not have are zero.
-    momentum : (C, 6) the same for a unit velocity of each of its coordinates.
+        unit velocities along x, y, z and unit spins about the axes through p (S above). Entries of
+        out-of-plane motions of a plane body are zero.
+    momentum : (C, 6) the same for a unit velocity of each coordinate of the body.
     """
 
     point: Array
@@ -76,7 +76,7 @@ class Inertia(ReprMixin):
         return Inertia(self.point, self.matrix, momentum)
 
     def rotation(self, amplitudes: Array) -> Array:
-        """Mean rotation vector (n, 3) [rad] for amplitudes (n, C); for their rates its rate.
+        """Mean rotation vector (n, 3) [rad] for amplitudes (n, C); its rate for their rates.
 
         A rigid body with this rotation has the same angular momentum about its centre. It is zero
         about axes without inertia.
@@ -102,7 +102,7 @@ class Inertia(ReprMixin):
 
 @dataclass(frozen=True, repr=False)
 class Motion(FieldsRepr):
-    """The rigid-body motion with which a free body starts: velocity + spin x (x - about).
+    """Initial rigid-body motion of a free body: velocity + spin x (x - about).
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ class Motion(FieldsRepr):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ModalState(FieldsRepr):
-    """The state in which a body of a scene starts, in its mass-normalised modes.
+    """Initial state of a body of a scene, in its mass-normalised modes.
 
     Parameters
     ----------
@@ -154,8 +154,8 @@ class ModalState(FieldsRepr):
     velocities : array_like, shape (J,)
         Modal velocities [kg^1/2 m/s].
     first_order : array_like, shape (2, I), optional
-        States of the first-order modes of a body whose damping couples its modes: needed for
-        branches that have not relaxed.
+        States of the first-order modes of a body whose damping couples its modes; needed if
+        Maxwell branches have not relaxed.
     """
 
     displacements: Array
@@ -193,9 +193,9 @@ def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Ar
     """(omega^2 (J,), modes of unit mass (N + 1, J), the site first) of a model of one site.
 
     k0 [N/m], m0 [kg] (0 removes a mode); m, poles (N,): masses > 0, *distinct* ascending omega_i^2.
-    The zeros x_j of Z(x) = k0 - x m0 - sum_i m_i x p_i/(p_i - x), one between two poles, are sought
+    The zeros x_j of Z(x) = k0 - x m0 - sum_i m_i x p_i/(p_i - x), one between two poles, are found
     as shifts from the nearest pole, so that p_i - x_j is never a difference of nearly equal numbers
-    (as in divide-and-conquer eigensolvers): a dense one would lose the low modes as m0 -> 0.
+    (as in divide-and-conquer eigensolvers). A dense eigensolver would lose low modes as m0 -> 0.
     """
     n = poles.size
     if n == 0:

@@ -1,19 +1,19 @@
 """Parameters of an anti-oscillator model: checks, derived properties, and the mesh correction.
 
-`softened_model` softens a model by the energies of the errors of its strains. A displacement
-element is too stiff. With the shapes psi of a model, K = diag(k0, k_i) their stiffness and E_ij the
-energies of the errors of their strains, the reduced flexibility
+Displacement elements are too stiff. `softened_model` softens a model by the energies of its strain
+errors. Let psi be the shapes of the model, K = diag(k0, k_i) their stiffness and E_ij the energies
+of their strain errors. The reduced flexibility
 
     F = K^-1 + K^-1 E K^-1
 
-is that of the exact structure to first order: its loads K q stay, and the strains that the mesh
-lacks are added. The anti-oscillators of F and of the unchanged masses are the corrected model. The
-off-diagonal terms of E matter: k0 and omega_i changed one by one have even the wrong sign. The
-first column of F is the static mode; the part of F that remains with the site fixed belongs to the
-constraint modes. With k0 = 0 the first shape is a rigid motion, and only the others soften.
+equals that of the exact structure to first order: the loads K q are the same, and the strains that
+the mesh lacks are added. The corrected model has the anti-oscillators of F with unchanged masses.
+The off-diagonal terms of E matter: changing k0 and omega_i one by one gives even the wrong sign.
+The first column of F is the static mode; the part of F that remains with the site fixed belongs to
+the constraint modes. With k0 = 0 the first shape is a rigid motion, and only the others soften.
 
-Elements that interpolate strains (shells) are too soft by the work of the section forces on the
-strains changed by the interpolation: this `strain_misfit`, of either sign, is added to E.
+Elements that interpolate strains (shells) may be too soft: the work of the section forces on the
+change of strains by the interpolation, `strain_misfit` of either sign, is added to E.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ RIGID_SHARE = 1e-11
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class Parameters(Body):
-    """Fields of `AntiOscillators`, and properties that each follow from them by one formula."""
+    """Fields of `AntiOscillators`, and properties computed from them by one formula each."""
 
     m0: Value
     k0: Value
@@ -84,7 +84,7 @@ class Parameters(Body):
 
     @property
     def n_sites(self) -> int:
-        """Number p of leading shapes: unit displacements of the sites."""
+        """Number p of unit-displacement shapes, which come first."""
         return 1 if self.P is None else len(self.P)
 
     @property
@@ -118,7 +118,7 @@ class Parameters(Body):
 
     @property
     def inertias(self) -> Array:
-        """P (p, N) [kg^1/2]; of one site without a name the roots of m."""
+        """P (p, N) [kg^1/2]; √m for one site without a name."""
         if self.P is None:
             return np.sqrt(self.m)[None]
         return self.P
@@ -132,7 +132,7 @@ class Parameters(Body):
 
     @property
     def unit(self) -> Array:
-        """Factors (p + N,) that scale `shapes` to modes of unit mass; 1 for the p static ones."""
+        """Factors (p + N,) that scale `shapes` to unit modal mass; 1 for the p static shapes."""
         if self.P is None:
             return np.append(1.0, 1 / self.inertias[0])
         return np.ones(self.n_sites + self.n)
@@ -146,7 +146,7 @@ class Parameters(Body):
 
     @property
     def mass_shares(self) -> Array:
-        """Shares m_i/m_st (N,) of the anti-oscillators; of several sites tr(m_st^-1 m_i)/p."""
+        """Shares m_i/m_st (N,) of the anti-oscillators; tr(m_st^-1 m_i)/p for several sites."""
         P = self.inertias
         static = self.m0_matrix + P @ P.T
         scale = 1 / np.sqrt(np.maximum(static.diagonal(), np.finfo(float).tiny))
@@ -167,7 +167,7 @@ class Parameters(Body):
 
 
 def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array | None:
-    """Participation of psi from that of lambda (Article eq. (8)), or with `sign` -1 reversed."""
+    """Participation of psi from participation of lambda (Article eq. (8)); `sign` -1: inverse."""
     if values is None or sites:
         return values
     values = np.array(values)
@@ -178,8 +178,8 @@ def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array 
 def parameters_by_name(
     sites: Sequence[str], *, k0: Array, m0: Array, P: Array, **of_sites: Any
 ) -> Any:
-    """Parameters of `AntiOscillators` by name. Without `sites` it is a model of one site: m
-    replaces P, matrices become numbers, and values along axes those along its direction."""
+    """Parameters of `AntiOscillators` by name. Without `sites` the model has one unnamed site: m
+    replaces P, matrices become numbers, and values along axes become values along `direction`."""
     if sites:
         return {"sites": sites, "k0": k0, "m0": m0, "P": P, **of_sites}
 
@@ -230,7 +230,7 @@ def checked_parameters(model: Parameters) -> ParameterDict:
 
 
 def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> ParameterDict:
-    """Checked parameters whose form differs for one site without a name; `order`: by frequency."""
+    """Checked parameters that have their own form for one unnamed site; `order`: by frequency."""
     for name in SEVERAL_SITES_ONLY:
         value = getattr(model, name)
         if not (value is None or (isinstance(value, dict) and not value)):
@@ -264,7 +264,7 @@ def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> Param
 
 
 def _checked_at_sites(model: Parameters, omega: Array, order: Index) -> ParameterDict:
-    """Checked parameters whose form differs for sites with names; `order`: by frequency."""
+    """Checked parameters that have their own form for named sites; `order`: by frequency."""
     if model.m is not None and np.ndim(model.m) != 3:
         raise InputError("with several sites the inertias are given as P, not as m.")
     if model.P is None:
@@ -317,8 +317,8 @@ def _checked_at_sites(model: Parameters, omega: Array, order: Index) -> Paramete
 def _checked_symmetric(
     name: str, matrix: Array, sizes: Array, asymmetry: float, least: float
 ) -> Array:
-    """Symmetric part of `matrix`; InputError for asymmetry, or an eigenvalue below `least`, scaled
-    by `sizes` (p,), roots of its usual diagonal."""
+    """Symmetric part of `matrix`; InputError if it is unsymmetric or has an eigenvalue below
+    `least`, both after scaling by `sizes` (p,), square roots of its typical diagonal."""
     unit, uneven = checks.scaled_symmetric(matrix, sizes)
     if uneven > asymmetry:
         raise InputError(f"{name} must be symmetric.")
@@ -329,7 +329,7 @@ def _checked_symmetric(
 
 
 def _patch_parameters(model: Parameters, count: int) -> ParameterDict:
-    """`local_compliance` and `radius` by name, checked to be numbers for each of `count` sites."""
+    """`local_compliance` and `radius` by name, checked to be a number for each of `count` sites."""
     local = checks.floats("local_compliance", model.local_compliance, None)
     if local.shape not in ((), (count,)) or np.any(local < 0):
         raise InputError(f"local_compliance must be {count} numbers >= 0, one for each site.")
@@ -353,7 +353,7 @@ def rigid_motions(k0: Array, m_st: Array, omega: Array) -> Array:
 
 
 def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
-    """1/sqrt (p,) of the diagonal of k0 + s m_st, s being the lowest omega^2 of the model."""
+    """1/√ (p,) of the diagonal of k0 + s m_st; s: lowest omega^2 of the model."""
     mass = np.abs(m_st.diagonal())
     stiffness = np.abs(k0.diagonal())
     s = float(omega[0]) ** 2 if omega.size else 0.0
@@ -363,7 +363,7 @@ def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
 
 
 def _spatial(model: Parameters, rows: Index) -> ParameterDict:
-    """Checked shapes in the order `rows`, momenta and hidden motions; else InputError."""
+    """Checked shapes (in the order `rows`), momenta and hidden motions; InputError if invalid."""
     stored: ParameterDict = {}
     in_order = np.array_equal(rows, np.arange(rows.size))
     if model.shapes is not None:
@@ -391,7 +391,7 @@ def _spatial(model: Parameters, rows: Index) -> ParameterDict:
 
 
 def sorted_damping(model: Parameters, damping: DampingMatrix, omega: ArrayLike) -> DampingMatrix:
-    """The damping matrix for modes in ascending order of `omega`, as models sort them."""
+    """The damping matrix with anti-oscillators sorted by `omega`, as in a model."""
     n_sites = model.n_sites
     hidden = model.hidden_count
     size = n_sites + model.n + hidden
@@ -431,7 +431,7 @@ NO_ESTIMATE_MESSAGE = (
 
 
 def has_error_bars(model: object) -> bool:
-    """Whether impacts have error bars: mesh error (or why not), noise, or second-order modes."""
+    """Whether impacts have error bars: from a mesh error (or its refusal), noise or `stretch`."""
     if not isinstance(model, Parameters):
         return False
     info = model.info
@@ -486,8 +486,8 @@ def softened_model(model: ModelType) -> ModelType:
 
 
 def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Array, Array, Array]:
-    """(k0 (p, p), static shapes' share (N, p), omega (N,), modes (N, N)), softened by energies E (p
-    + N, p + N) of the strain errors, `rigid` motions of sites excepted."""
+    """(k0 (p, p), static shapes in the modes (N, p), omega (N,), modes (N, N)) of a model softened
+    by strain error energies E (p + N, p + N); `rigid` rigid motions of the sites do not soften."""
     from scipy.linalg import block_diag  # takes long to load
 
     p = len(k0)
@@ -506,8 +506,7 @@ def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Arr
 
 
 def energy_error(model: Parameters, E: Array, weights: Array) -> float:
-    """Share of strain errors in the energy; E: their energies, `weights`: Σ a aᵀ of amplitudes
-    a."""
+    """Share of the strain errors, of energies E, in the energy; `weights`: Σ a aᵀ of amplitudes."""
     energy = float(np.sum(weights * model.stiffness))
     if energy > 0:
         return float(np.sum(weights * E)) / energy

@@ -1,16 +1,16 @@
-"""The recurrence of a Krylov model, by which the motion that the model leaves out is bounded.
+"""The recurrence of a Krylov model, which bounds the motion that the model leaves out.
 
-With the shapes Φ of unit displacements at the sites and vectors V of the block Lanczos recurrence,
-which vanish there, VᵀAV = 1, A = K + sM, the displacement Φu + Va of the Galerkin model leaves
-loads in the structure that are fixed but for their size,
+Let Φ be the shapes of unit displacements at the sites, and V the vectors of the block Lanczos
+recurrence, which vanish at the sites, with VᵀAV = 1, A = K + sM. The displacement Φu + Va of the
+Galerkin model leaves a residual load in the structure with a fixed pattern and the amplitude f,
 
     BF - Mü - Ku = -A W f,    f = WᵀMV (a'' - s a),    BᵀW = 0,
 
 where W are the next vectors of the recurrence, one for a model of one site.
 
-With C = αM + τK + 2ζM(M⁻¹K)^(1/2), the modes of the model have the decay ζω_j + α/2 + τω_j²/2. Of
-the modal forces b_j F and c_j = q_j + τq_j', f = Σ r_j (b_j F - (ω_j² + s) c_j), and ζ leaves
-2ζMΣ((M⁻¹K)^(1/2) - ω_j) ψ_j q_j' besides, ψ_j the mode's shape, with
+With C = αM + τK + 2ζM(M⁻¹K)^(1/2), the modes of the model have the decay ζω_j + α/2 + τω_j²/2. With
+modal forces b_j F and c_j = q_j + τq_j', f = Σ r_j (b_j F - (ω_j² + s) c_j). The damping ratio ζ
+leaves another load 2ζMΣ((M⁻¹K)^(1/2) - ω_j) ψ_j q_j', where ψ_j is the shape of mode j, with
 
     ‖((M⁻¹K)^(1/2) - ω_j) ψ_j‖_M ≤ |r_j| (ω_j² + s) max(1, √s/ω_j).
 """
@@ -35,13 +35,13 @@ RIGID_STIFFNESS = 1e-9
 
 
 def _damping_ratio(damping: Damping) -> float:
-    """The damping ratio, which is one for all modes."""
+    """The damping ratio, which is the same for all modes."""
     return float(np.max(damping.ratio))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ReferenceModes:
-    """Free modes of unit mass of a Galerkin model, and the loads that it leaves (its residual)."""
+    """Free modes of unit mass of a Galerkin model, and its residual loads."""
 
     omega: Array  # (J,) [rad/s]; rigid-body modes are the first ones, with 0
     b: Array  # (J, p) displacements of the sites
@@ -50,7 +50,7 @@ class ReferenceModes:
     shift: float  # s [rad²/s²]
 
     def _factors(self, square: Array, by: dict[int, Array | float]) -> Array:
-        """Factors (k, 5, J) of square^(1/2) f; `by`: number of a factor -> its values (J,)."""
+        """Factors (k, 5, J) that give square^(1/2) f; `by`: values (J,) by number of the factor."""
         x, U = np.linalg.eigh(square)
         root = (U * np.sqrt(np.maximum(x, 0.0))) @ U.T
         weights = root @ self.residual
@@ -65,8 +65,8 @@ class ReferenceModes:
         return np.eye(len(self.inertia)) - self.shift * self.inertia
 
     def drive(self, damping: Damping, lag: Array) -> Array:
-        """Factors (k, 5, J) of M^(1/2) W (f'' + αf' - sf + …) by q, q', modal force, two rates;
-        `lag` (J,): q'' = force - ω²q - 2 decay q' - lag (ω²q' - force's rate)."""
+        """Factors (k, 5, J) of q, q', the modal force and its two rates in M^(1/2) W (f'' + αf' -
+        sf + …). `lag` (J,): q'' = force - ω²q - 2 decay q' - lag (ω²q' - rate of the force)."""
         s, stiff = self.shift, self.omega**2 + self.shift
         by_v = damping.beta * stiff + 2 * _damping_ratio(damping) * self.omega + lag * self.omega**2
         by: dict[int, Array | float] = {
@@ -79,7 +79,7 @@ class ReferenceModes:
         return self._factors(self.inertia, by)
 
     def losses(self, damping: Damping) -> Array:
-        """Factors (2k, 5, J) as in `drive`; their squares are the energy of the lift's damping."""
+        """Factors (2k, 5, J), as in `drive`, of terms whose squares add to the damping energy."""
         stiff = self.omega**2 + self.shift
 
         # |f|² of √(M K) is at most half of those of M/e + eK
@@ -90,14 +90,14 @@ class ReferenceModes:
         return np.concatenate([by_stiffness, by_ratio])
 
     def brake(self, damping: Damping) -> Array:
-        """Bounds (J,) on the load per rate of each mode that the damping ratio ζ leaves."""
+        """Bounds (J,) on the residual load of the damping ratio ζ, per unit rate of each mode."""
         far = np.sqrt(self.shift) / np.where(self.omega > 0, self.omega, np.inf)
         stiff = self.omega**2 + self.shift
         own = np.linalg.norm(self.residual, axis=0) * stiff * np.maximum(far, 1.0)
         return 2 * _damping_ratio(damping) * own
 
     def receptance(self, x: Array, b: Array) -> Array:
-        """Upper bounds (n,) [m/N] of bᵀ(K + xM)⁻¹b, x (n,) > 0 [rad²/s²], displacements b (J,)."""
+        """Upper bounds (n,) [m/N] of bᵀ(K + xM)⁻¹b at x (n,) > 0 [rad²/s²]; b (J,): in modes."""
         share = b / (self.omega**2 + x[:, None])
         left_out = ((self.shift - x)[:, None] * (share @ self.residual.T)) ** 2
         return share @ b + left_out.sum(axis=1) * np.maximum(self.shift / x, 1.0)
@@ -105,7 +105,7 @@ class ReferenceModes:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Recurrence(FieldsRepr):
-    """Block Lanczos recurrence of a Krylov model, which bounds what the model leaves out."""
+    """Block Lanczos recurrence of a Krylov model, which bounds the motion that it leaves out."""
 
     #: k0, mass: ΦᵀKΦ [N/m] and ΦᵀMΦ [kg], (p, p)
     k0: Array
@@ -162,8 +162,9 @@ def recurrence_of(
     shift: float,
     dropped: float | None,
 ) -> Recurrence | None:
-    """The recurrence with start = VᵀMΦ and H = VᵀMV if its blocks (up to `ends`) couple only with
-    neighbours, else None; `dropped`: length of a next vector that is rounding alone."""
+    """The recurrence with start = VᵀMΦ and H = VᵀMV, up to the last block that couples only with
+    its neighbours; None if there is none. `ends`: last vector of each block; `dropped`: length of
+    a next vector that consists of rounding."""
     size_of = np.sqrt(np.maximum(H.diagonal(), 0.0))  # of V; the next lines by Cauchy and Schwarz
     beside = np.abs(H / size_of.max())
     for first, last in zip((0, *ends), (*ends[1:], len(H)), strict=False):

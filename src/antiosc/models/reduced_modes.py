@@ -1,14 +1,14 @@
 """Free modes of the anti-oscillator model of one site or several: a body of an impact.
 
-Those of one site are found by `arrow_modes`. With the displacements u (p,) of several sites, and
-the amplitudes eta (N,) of the constraint modes of unit mass, the model is
+`arrow_modes` finds them for one site. With the displacements u (p,) of several sites, and the
+amplitudes eta (N,) of the constraint modes of unit mass, the model is
 
     K = diag(k0, omega_i^2),      M = [[m0 + P P', P], [P', 1]],
 
-with the forces on u alone. Its free modes are those of the flexibility G = L^-1 M L^-T,
-K + s M = L L', s > 0 only where k0 is singular: eigenvalues theta = 1/(omega^2 + s). The mass form
-M^-1 K would lose the low modes to the rounding of the highest as m0 -> 0; here theta -> 0, and such
-modes become a residual compliance without inertia, as they should.
+with forces on u only. Its free modes are the eigenvectors of the flexibility G = L^-1 M L^-T, where
+K + s M = L L' and s > 0 only if k0 is singular; the eigenvalues are theta = 1/(omega^2 + s). With
+M^-1 K, rounding of the highest modes would spoil the low modes as m0 -> 0; here theta -> 0, and
+such high modes correctly become a residual compliance without inertia.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ MASSLESS_RATIO = 1e-15
 
 
 def free_modes(model: Parameters) -> ModalBody | SiteModes:
-    """The free modes of a model in lambda, or in u and eta; those of hidden motions come first."""
+    """The free modes of a model in lambda, or in u and eta; hidden motions come first."""
     p, hidden = model.n_sites, model.hidden_count
 
     # coordinates from u and eta, amplitudes of shapes from these (Article (8))
@@ -110,7 +110,7 @@ def free_modes(model: Parameters) -> ModalBody | SiteModes:
 
 
 def _with_hidden(shape: Array, hidden: int) -> Array:
-    """`shape` (size, J) with `hidden` more coordinates, each of which is a mode: the first."""
+    """`shape` (size, J) with `hidden` coordinates appended, each of which is a mode put first."""
     padded = np.pad(shape, ((0, hidden), (hidden, 0)))
     padded[len(shape) :, :hidden] = np.eye(hidden)
     return padded
@@ -140,7 +140,7 @@ def _modes_at_one_site(model: Parameters) -> ReducedModes:
 
 
 def _damped_modes(model: Parameters) -> ReducedModes:
-    """Free modes; a massless site gets a little mass if the damping needs it."""
+    """Free modes of a damped model; a massless site gets a little mass if damping needs it."""
     m0, P = model.m0_matrix, model.inertias
 
     if isinstance(model.damping, DampingMatrix):
@@ -206,7 +206,7 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
 
 
 def _lowest(K: Array, M: Array, rigid_shapes: Array) -> float:
-    """Estimate of the lowest elastic omega^2 of (K, M) beside `rigid_shapes`, to be a shift."""
+    """A shift s from an estimate of the lowest elastic omega^2 of (K, M), beside `rigid_shapes`."""
     from scipy.linalg import solve_triangular
 
     weight = M @ rigid_shapes

@@ -1,12 +1,12 @@
-"""Forces of second-order strain in the modes of a model: sheets that stretch as they bend.
+"""Forces of second-order strain in the modes of a model, for sheets that stretch as they bend.
 
-Strains are ε(u) + η(u, u)/2. With the amplitudes a of some free modes of unit mass, and the static
-response of all other motion, the energy beyond the linear one is
+Strains are ε(u) + η(u, u)/2. With the amplitudes a of some free modes of unit mass, and a static
+response of all other motions, the energy in addition to the linear energy is
 
     U(a) = Σ H_kij a_k a_i a_j/3 + Σ G_kijl a_k a_i a_j a_l/4,
     f_k = Σ H_kij a_i a_j + Σ G_kijl a_i a_j a_l,
 
-H and G symmetric in all their indices (`antiosc.reduce.extraction.stretching` finds them).
+where H and G are symmetric in all indices (computed in `antiosc.reduce.extraction.stretching`).
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class Stretch(ReprMixin):
     ----------
     modes : (J, m) the motions, orthonormal combinations of the J free modes of unit mass.
     quadratic, cubic : H (m, m, m) and G (m, m, m, m), of unit modal masses.
-    count : number of modes that an impact uses, those with the largest motion; "auto": as many as
-        needed.
+    count : number of modes that an impact uses (the modes with the largest motion); "auto": as
+        many as needed.
     shapes : (n_dofs, m (m + 1)/2) second-order displacements v_ij of the pairs (0, 0), (0, 1) … of
         modes: u = Σ a_i φ_i + Σ a_i a_j v_ij; not saved to files.
     """
@@ -98,14 +98,14 @@ class Stretch(ReprMixin):
         return stretch_energy(self.quadratic, self.cubic, a)
 
     def pairs(self, a: Array, b: Array | None = None) -> Array:
-        """Products (n, m (m + 1)/2) of amplitudes of modes i <= j, doubled for i < j, or with b."""
+        """Products (n, m (m + 1)/2) a_i a_j (or a_i b_j, symmetrised), i <= j; doubled if i < j."""
         i, j = np.triu_indices(self.size)
         b = a if b is None else b
         products = (a[:, i] * b[:, j] + a[:, j] * b[:, i]) / 2
         return np.asarray(np.where(i == j, 1, 2) * products)
 
     def pair_motion(self, a: Array, v: Array, w: Array, derivative: int) -> Array:
-        """`pairs` of amplitudes a with rates v, w (n, m), or their first or second `derivative`."""
+        """`pairs` of a (n, m), or their first or second `derivative`; v = a', w = a'' (n, m)."""
         if derivative == 0:
             return self.pairs(a)
         if derivative == 1:
@@ -113,7 +113,7 @@ class Stretch(ReprMixin):
         return 2 * (self.pairs(a, w) + self.pairs(v))
 
     def turned(self, turn: Array, omega: Array) -> Stretch:
-        """The forces for k combinations `turn` (m, k) of the modes; others follow statically."""
+        """The forces in k combinations `turn` (m, k) of the modes; others respond statically."""
         k = turn.shape[1]
         quadratic = _transformed(self.quadratic, turn).reshape((k,) * 3)
         cubic = _transformed(self.cubic, turn).reshape((k,) * 4)
@@ -123,11 +123,11 @@ class Stretch(ReprMixin):
         return Stretch(self.modes @ turn, quadratic, cubic, k)
 
     def _pair_forces(self, turn: Array) -> Array:
-        """Quadratic forces (m, k, k) on the modes, for products of two amplitudes of `turn`."""
+        """Quadratic forces (m, k, k) on the modes for products of two of the k amplitudes."""
         return np.asarray(np.einsum("mij,ik,jl->mkl", self.quadratic, turn, turn, optimize=True))
 
     def following(self, turn: Array, omega: Array) -> Array:
-        """Static motion (m, k, k) of the other modes, for products of two amplitudes of `turn`."""
+        """Static response (m, k, k) of the other modes to products of two of the k amplitudes."""
         stiffness = self.modes.T @ (omega[:, None] ** 2 * self.modes)
         forces = self._pair_forces(turn)
         columns = forces.reshape(self.size, -1)
@@ -135,7 +135,7 @@ class Stretch(ReprMixin):
         return np.asarray((taken - np.linalg.solve(stiffness, columns)).reshape(forces.shape))
 
     def shapes_in(self, modes: Array) -> Array | None:
-        """Second-order displacements (n_dofs, pairs) of combined `modes` (J, k), or None."""
+        """Second-order displacements (n_dofs, pairs) of other `modes` (J, k); None if unknown."""
         if self.shapes is None:
             return None
 
@@ -155,7 +155,7 @@ def _transformed(tensor: Array, turn: Array) -> Array:
 
 
 def checked_count(stretch: object) -> Count | Literal[False]:
-    """The argument `stretch` of `extract` after a check."""
+    """The checked argument `stretch` of `extract`."""
     if stretch is False or stretch is None:
         return False
     if isinstance(stretch, str) and stretch == "auto":
@@ -171,7 +171,7 @@ def checked_count(stretch: object) -> Count | Literal[False]:
 
 
 def stretch_of(body: object) -> Stretch | None:
-    """The second-order forces of a body or of that inside an `Impactor`; None if it has none."""
+    """The second-order forces of a body, also inside an `Impactor`; None if it has none."""
     inner = getattr(body, "body", None)
     stretch = getattr(body, "stretch", None) or getattr(inner, "stretch", None)
     if isinstance(stretch, Stretch):

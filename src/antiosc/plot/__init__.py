@@ -1,1 +1,1 @@
-"""Charts and surfaces in space; matplotlib is loaded when one is drawn."""
+"""Charts and surfaces in space; matplotlib is loaded when they are drawn."""

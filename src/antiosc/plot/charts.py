@@ -39,7 +39,7 @@ def panels(
 ) -> tuple[Figure, NDArray[np.object_]]:
     """A figure of `size` (inches) and its axes (rows, columns); `options` as for `subplots`.
 
-    With `shown`, pyplot knows the figure, so that `pyplot.show()` and notebooks display it.
+    With `shown`, the figure is registered in pyplot, so that `pyplot.show()` and notebooks show it.
     """
     rows = checks.whole("rows", rows, most=20)
     columns = checks.whole("columns", columns, most=20)
@@ -85,7 +85,7 @@ def render(figure: Figure, target: object, **options: object) -> None:
 
 
 def figure_or_path(figure: Figure, path: str | os.PathLike[str] | None) -> Figure | Path:
-    """The figure, or the path of the file that it was written to."""
+    """The figure, or with `path` the path of the file that was written."""
     if path is None:
         return figure
     save_figure(figure, path, dpi=PICTURE_DPI, bbox_inches="tight", pad_inches=0.1)
@@ -93,9 +93,9 @@ def figure_or_path(figure: Figure, path: str | os.PathLike[str] | None) -> Figur
 
 
 def new_figure(size: tuple[float, float], shown: bool) -> Figure:
-    """A new figure, known to pyplot if it is `shown`, except in a notebook.
+    """A new figure; if `shown`, it is registered in pyplot, except in a notebook.
 
-    pyplot keeps the figures that it knows alive; a notebook draws what a cell returns.
+    pyplot keeps registered figures alive; a notebook draws the figure that a cell returns.
     """
     if shown:
         pyplot = _matplotlib("pyplot")
@@ -134,7 +134,7 @@ def legend_beside(ax: Axes) -> Axes:
 
 
 def few_log_ticks(ax: Axes) -> Axes:
-    """Labels 1, 2, 5, 10, … on logarithmic axes of less than 1.5 decades, else decades."""
+    """Label logarithmic axes at 1, 2, 5, 10, … below 1.5 decades, else at decades."""
     ticker = _matplotlib("ticker")
     for axis, (low, high) in ((ax.xaxis, ax.get_xlim()), (ax.yaxis, ax.get_ylim())):
         axis.set_minor_formatter(ticker.NullFormatter())
@@ -161,7 +161,7 @@ CHART_ATTRIBUTES = {
 
 
 def objects_by_name(items: Any, kind: str) -> Mapping[str, Any]:
-    """Name -> object of the kind `kind`; a single object gets the name "". Else InputError."""
+    """Objects of `kind` by name; a single object gets the name "". InputError for others."""
     objects = items if isinstance(items, Mapping) else {"": items}
     if not objects:
         raise InputError(f"nothing to draw: give at least one {kind}.")
@@ -188,7 +188,7 @@ def line_widths(named: Mapping[str, object]) -> Array:
 
 
 def padded_range(values: ArrayLike, below: float, above: float) -> tuple[float, float]:
-    """The range of `values`, extended by these shares of it below and above."""
+    """The range of `values`, extended by the shares `below` and `above` of its length."""
     low = float(np.min(values))
     high = float(np.max(values))
     size = (high - low) or max(abs(high), 1.0)
@@ -209,7 +209,7 @@ VISIBLE_ERROR = 0.005
 
 
 def _peak_error(hit: HistoryLike) -> tuple[float, str]:
-    """(relative error of the largest force, its words), of the error budget if it is known."""
+    """(relative error of the largest force, text on it), from the error budget if known."""
     budget = getattr(hit, "__dict__", {}).get("error_budget")
     if budget and not budget.no_bar and np.isfinite(total := max(budget.sides("peak_force"))):
         return total, f"error{{}}{budget.condition}"
@@ -220,8 +220,8 @@ def _peak_error(hit: HistoryLike) -> tuple[float, str]:
 def plot_force(hits: HistoryLike, ax: Axes | None = None) -> Axes:
     """Contact force over time for one history or several by name; the largest force is marked.
 
-    The time axis ends where 99 % of the impulse has been transferred. A band shows the estimated
-    error of the peak force if it is at least 0.5 %; it is that of the error budget, if known.
+    The time axis ends when 99 % of the impulse has been transferred. A band shows the estimated
+    error of the peak force (from the error budget, if known) if it is at least 0.5 %.
     """
     runs = objects_by_name(hits, "History")
     ax = axes_or_new(ax)
@@ -262,10 +262,10 @@ def plot_force(hits: HistoryLike, ax: Axes | None = None) -> Axes:
 
 
 def plot_motion(hits: HistoryLike, ax: Axes | None = None) -> Axes:
-    """Displacements of the site and, dashed, of the striker over time; contacts are shaded.
+    """Displacements of the site and (dashed) of the striker over time; contacts are shaded.
 
     The dashed curve begins at the gap, so that the curves meet at the touch. The displacement axis
-    covers the motion of the site, and that of the other body during contact, or of one at rest.
+    covers the site's motion, and the other body's motion during contact or if it is at rest.
     """
     runs = objects_by_name(hits, "History")
     ax = axes_or_new(ax)
@@ -302,9 +302,9 @@ def plot_motion(hits: HistoryLike, ax: Axes | None = None) -> Axes:
 
 
 def plot_history(hits: HistoryLike, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-    """The force during contact of a history (or several by name), and the motions of all the run.
+    """The force during contact of a history (or several by name), and motions of the whole run.
 
-    With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned; else the figure.
+    With `path` (PNG, PDF, SVG, …) the picture is written and the path returned, else the figure.
     """
     runs = objects_by_name(hits, "History")
     figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)
@@ -321,7 +321,7 @@ def _body_names(hit: HistoryLike) -> tuple[str, str]:
 
 
 def _contact_span(hit: HistoryLike) -> tuple[float, float]:
-    """Times of the first touch and of the release after which little impulse remains."""
+    """(time of the first touch, time of the release after which little impulse remains)."""
     contacts = np.reshape(hit.contacts, (-1, 2))
     impulse = hit.cumulative_impulse
     if not contacts.size or impulse[-1] <= 0:
@@ -331,7 +331,7 @@ def _contact_span(hit: HistoryLike) -> tuple[float, float]:
 
 
 def _mark_peak(ax: Axes, hit: HistoryLike, middle: float, factor: float) -> None:
-    """Write the largest force beside its mark, on the side with more space."""
+    """Mark the largest force and write it on the side with more space."""
     if hit.peak_force <= 0:
         return
 
@@ -405,9 +405,9 @@ def plot_masses(model: ModelLike, ax: Axes | None = None) -> Axes:
 
 
 def plot_model(model: ModelLike, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-    """The model as springs and masses, |Z| to above the last antiresonance, shares of the mass.
+    """The model as springs and masses, |Z| beyond the last antiresonance, and mass shares.
 
-    The first picture is drawn for one site. `path` and the result as for `plot_history`.
+    The first picture is drawn only for one site. `path` and the result are as for `plot_history`.
     InputError for a model without anti-oscillators.
     """
     _require_anti_oscillators(model)

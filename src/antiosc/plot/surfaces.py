@@ -1,4 +1,4 @@
-"""Surfaces in space whose faces are coloured by a value: maps, designs, the deformed part."""
+"""Surfaces in space with faces coloured by a value: maps, designs, the deformed part."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def colour_scale(value: Array) -> ScalarMappable:
 
 
 def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
-    """Limits and equal scales around the points (P, 3); short sides have few ticks or none."""
+    """Set limits and equal scales for the points (P, 3); short sides get few ticks or none."""
     low = x.min(axis=0)
     high = x.max(axis=0)
     side = np.maximum(high - low, 0.05 * max(float(np.ptp(x, axis=0).max()), 1e-12))
@@ -128,7 +128,7 @@ class DeformedSurface:
     def from_displacements(
         cls, points: Array, faces: IntArray, displacements: Array, largest: float
     ) -> DeformedSurface:
-        """The surface with displacements (P, 3) [m], magnified according to the largest one [m]."""
+        """The surface with magnified displacements (P, 3) [m]; `largest` [m] sets the factor."""
         reference = largest or 1.0
         factor = magnification(points, largest)
         micro, unit = (1e6, "µm") if reference < 1e-3 else (1e3, "mm")
@@ -140,7 +140,7 @@ class DeformedSurface:
 
 
 def magnification(points: Array, largest: float) -> float:
-    """Magnification of the displacements in a picture, for a largest one [m]."""
+    """Magnification of displacements in a picture if the largest is `largest` [m]."""
     return float(f"{ENLARGED_SHARE * np.ptp(points, axis=0).max() / (largest or 1.0):.1g}")
 
 

@@ -1,6 +1,6 @@
 """Displacements, strains, stresses and section forces of a structure, from motions of its dofs.
 
-`source` gives the module that does this for a structure: `mesh_fields` for one with a mesh,
+`source` returns the module for a structure: `mesh_fields` for a structure with a mesh,
 `node_fields` for given matrices with coordinates of their nodes.
 """
 
@@ -13,7 +13,7 @@ from antiosc.recovery import node_fields
 
 
 def source(structure: Structure) -> ModuleType:
-    """Module for the fields of a structure: `mesh_fields`; of given matrices `node_fields`."""
+    """Module for the fields of a structure: `mesh_fields`, or `node_fields` for given matrices."""
     if structure.matrices.located:
         return node_fields
     with_parts(structure)

@@ -1,8 +1,8 @@
 """Fields on meshes: values at a point and at the nodes of all parts; errors of stresses.
 
-Strains and stresses at nodes: in solids they are the means of the cells of one material around each
-node, so that a node between two materials has two. In sheets and beams each cell has its own:
-neighbours may meet at a fold.
+Strains and stresses at a node of a solid are means over the cells of one material around the node;
+a node between two materials has two values. In sheets and beams each cell has its own values, as
+neighbouring cells may meet at a fold.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def _at_nodes_of(
     evaluate: Callable[[PointsInCells], Array],
     factors: Array | None = None,
 ) -> Array:
-    """Components (cells · nodes, 6, columns) at nodes of `cells`; `factors` of `PointsInCells`."""
+    """Components (cells · nodes, 6, columns) at the nodes of `cells`; see `PointsInCells`."""
     X = part.mesh.geometry.reference_nodes
     places = np.repeat(cells, len(X)), np.tile(X, (len(cells), 1))
     tensors = evaluate(PointsInCells(part, shapes, *places, factors))
@@ -104,9 +104,9 @@ def _at_nodes_of(
 
 
 def stress_errors_of_part(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
-    """Estimated error (nodes,) [Pa] of von Mises stress on this rank by means over cells of one
-    material (Zienkiewicz and Zhu), of sheets the worse face; nodes of one cell or at folds take the
-    largest beside. `factors` (nodes, columns): at each node's time."""
+    """Estimated error (nodes,) [Pa] of von Mises stress on this rank: differences of cells from the
+    mean of one material (Zienkiewicz and Zhu), for sheets at the worse face. Nodes at folds or of
+    one cell take its largest error. `factors` (nodes, columns): at each node's time."""
     mesh = part.mesh
     cells_of_rank = compat.cell_index_map(mesh.dolfinx).size_local
     nodes = compat.geometry_nodes(mesh.dolfinx)[:cells_of_rank]
@@ -138,8 +138,8 @@ def stress_errors_of_part(part: MeshedStructure, shapes: Array, factors: Array) 
 
 
 def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> tuple[Array, Array]:
-    """(stresses (C, n, 6), empty) at the n nodes of solid cells; for sheets (von Mises stresses (C,
-    n, 1), products of normals (C, n, 6))."""
+    """(stresses (C, n, 6), empty array) at the n nodes of solid cells; on sheets (larger von
+    Mises stress of both faces (C, n, 1), products of normals (C, n, 6))."""
     shapes = compat.with_ghosts(part.form.space, shapes)
     is_solid = part.kind.name == "solid"
     places = [Place()] if is_solid else [Place("top"), Place("bottom")]
@@ -182,7 +182,7 @@ FOLD_EIGENVALUE = 0.93
 def _join_ranks(
     part: MeshedStructure, slots: IntArray, total: Array, count: Array, joined: np.ufunc = np.add
 ) -> None:
-    """Combine values of shared nodes over ranks, in place: `count` by sums, `total` by `joined`."""
+    """Combine values at shared nodes over ranks in place: sums of `count`, `joined` of `total`."""
     comm = part.mesh.comm
     parts = len(part.parts)
     if comm.size == 1:
@@ -204,7 +204,7 @@ def _join_ranks(
 def at_point(
     structure: Structure, shapes: Array, x: Array, part: str | None, reach: Reach
 ) -> Array:
-    """Displacements (gdim, columns) of all shapes at the structure's point nearest to x (3,)."""
+    """Displacements (gdim, columns) of `shapes` at the point of the structure nearest to x (3,)."""
     moved = recovered(structure, shapes, x[None], part, "displacement", Place(), reach)[0]
     forms = [member.part.form for member in with_parts(structure).members(part)]
     return np.asarray(moved[: max(len(set(form.components) & set("xyz")) for form in forms)])
@@ -220,7 +220,7 @@ def recovered(
     reach: Reach,
     second_order: bool = False,
 ) -> Array:
-    """A quantity (P, …, columns) at the points nearest to `points` (P, 3), for all shapes."""
+    """`quantity` (P, …, columns) of `shapes` at the structure's points nearest to `points`."""
     _refuse_relaxing(structure, quantity)
     parts = with_parts(structure).fields(shapes, part)
     if place.stiffener is not None:
@@ -265,7 +265,7 @@ def relaxes(structure: Structure) -> bool:
 
 
 def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:
-    """(beams, shapes on their dofs) of the stiffener `name` on each sheet of `parts`."""
+    """(beams, shapes on their dofs) of the stiffeners named `name` on each sheet of `parts`."""
     beams = [
         (replace(member, part=beams_alone(lines)), lines.rows_of(shapes_of_part))
         for member, shapes_of_part in parts
@@ -283,7 +283,7 @@ def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Memb
 
 
 def _rotated(R: Array, values: Array, quantity: str) -> Array:
-    """Vectors or tensors turned by R from the axes of a part to those of the assembly."""
+    """Vectors or tensors rotated by R from a part's axes to the assembly's axes."""
     if (np.eye(3) == R).all() or quantity == "section_forces":
         return values
     if quantity in ("displacement", "rotation"):
@@ -294,7 +294,7 @@ def _rotated(R: Array, values: Array, quantity: str) -> Array:
 def at_nodes(
     structure: Structure, shapes: Array, part: str | None = None
 ) -> tuple[Array, list[tuple[str, IntArray]], Array]:
-    """(points (P, 3), cells of each part by meshio's names, shapes (P, 3, columns)), on rank 0."""
+    """(points (P, 3), [(meshio's cell type, cells)] by part, shapes (P, 3, columns)) on rank 0."""
     parts = with_parts(structure).fields(shapes, part)
     points, cells, values = zip(*(_gathered(*part) for part in parts), strict=True)
     starts = np.cumsum([0, *map(len, points[:-1])])
@@ -306,7 +306,7 @@ def at_nodes(
 
 
 def preloaded_parts(structure: Structure, part: str | None) -> list[tuple[Member, Array]]:
-    """[(part, static displacements under the prestress)] of parts with second-order strains."""
+    """[(part, static displacements under the prestress)]; the parts have second-order strains."""
     preload = structure.matrices.preload
     assert preload is not None
 
@@ -321,7 +321,7 @@ def preloaded_parts(structure: Structure, part: str | None) -> list[tuple[Member
 
 
 def _with_second_order(parts: Sequence[tuple[Member, Array]]) -> list[tuple[Member, Array]]:
-    """The parts with a zero initial strain: their second-order strains are then included."""
+    """The parts with zero initial strains, by which second-order strains are included."""
     strained = []
     for member, shapes_of_part in parts:
         zero = np.zeros(len(member.part.part_of_cells()))
@@ -341,8 +341,8 @@ def tensors_at_nodes(
 ) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
     """(points (P, 3), cells as for `at_nodes`, tensors at the points), on rank 0.
 
-    A point has a tensor for each material, each cell of a sheet and each of `places`. `ply`, a
-    place with a layer, selects the laminates that have this layer, instead of `places`. Without
+    A point has one tensor for each material, each cell of a sheet and each of `places`. `ply` is a
+    place in one layer; it replaces `places` and selects the laminates that have this layer. Without
     `shapes` there is one column, the static state under the prestress. `second_order` includes the
     second-order strain of each shape.
     """
@@ -464,8 +464,8 @@ ESTIMATED_KINDS = {"solid", "sheet"}
 def stress_jumps(
     structure: Structure, shapes: Array, factors: Array, part: str | None = None
 ) -> Array | None:
-    """Estimated errors (P,) [Pa] of von Mises stress at points of `at_nodes` on rank 0, None
-    without an estimate; `factors` (P, columns) at each point's own time."""
+    """Estimated errors (P,) [Pa] of von Mises stress at the points of `at_nodes`, on rank 0; None
+    without an estimate. `factors` (P, columns): factors of the shapes at each point's own time."""
     if not families(structure, part) & ESTIMATED_KINDS:
         return None
     parts = with_parts(structure).fields(shapes, part)
@@ -486,12 +486,12 @@ def stress_jumps(
 
 
 def families(structure: Structure, part: str | None = None) -> set[str]:
-    """Kinds of the selected parts: "solid", "sheet", "beam", "truss"."""
+    """Kinds of the selected parts, of "solid", "sheet", "beam" and "truss"."""
     return {member.part.kind.name for member in with_parts(structure).members(part)}
 
 
 def half_thickness(structure: Structure, part: str | None = None) -> float:
-    """Volume over surface [m] of the solids: half the mean thickness of their walls."""
+    """Volume divided by surface [m] of the solids, half the mean thickness of their walls."""
     meshes = [member.part.mesh for member in with_parts(structure).members(part)]
     solids = [mesh for mesh in meshes if mesh.tdim == 3]
     volume, surface = np.sum([(0.0, 0.0), *map(volume_and_surface, solids)], axis=0)

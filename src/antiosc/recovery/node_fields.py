@@ -64,7 +64,7 @@ def relaxes(structure: Structure) -> bool:
 def at_nodes(
     structure: Structure, shapes: Array, part: str | None = None
 ) -> tuple[Array, list[tuple[str, IntArray]], Array]:
-    """(nodes (P, 3) with coordinates, a vertex cell at each, shapes (P, 3, columns))."""
+    """(coordinates of nodes (P, 3), one vertex cell for each node, shapes (P, 3, columns))."""
     _refuse_part(part)
     points, rows = cast(NodalMatrices, structure.matrices).nodes()
     vertices = np.arange(len(points))[:, None]
@@ -78,5 +78,5 @@ def _refuse_part(part: str | None) -> None:
 
 
 def _displacements(rows: IntArray, shapes: Array) -> Array:
-    """Displacements (P, 3, columns) of P nodes; `rows` (P, 3) in shapes, -1: fixed at zero."""
+    """Displacements (P, 3, columns) of P nodes from `rows` (P, 3) of `shapes`; row -1 is 0."""
     return np.where(rows[:, :, None] < 0, 0.0, shapes[rows])

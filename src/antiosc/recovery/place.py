@@ -1,5 +1,5 @@
-"""Position in the thickness of a sheet or the section of a beam at which a quantity is taken,
-and how far a given point may lie from the structure.
+"""Position in the thickness of a sheet or the section of a beam at which a quantity is evaluated;
+largest distance of a given point from the structure.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SHEET_SURFACES = ("top", "bottom", "middle")
 
 @dataclass(frozen=True)
 class Reach:
-    """How far a given point may lie from the structure, onto which it is projected."""
+    """Largest distance of a given point from the structure, onto which it is projected."""
 
     what: str  # the point in words, for messages
     #: largest distance [m]; None: `SNAP_SHARE` of the part's size, or one element
@@ -61,13 +61,13 @@ class Reach:
         )
 
     def check_at(self, point: Array, place: PartPlace) -> None:
-        """`check` of a point (3,) against its place on a part, in the axes of the structure."""
+        """`check` of a point (3,) and its place on a part; the point is in the structure's axes."""
         extent = place.member.part.mesh.extent()
         self.check(point, place.placed, extent, lambda: place.cell_size)
 
 
 def check_reach(reach: Reach, point: Array, points: Array, nearest: int) -> None:
-    """`Reach.check` for the node `nearest` of `points` (P, 3); an element reaches to the next."""
+    """`Reach.check` for the node `nearest` of `points` (P, 3); element size: to the next node."""
     x = points[nearest]
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     reach.check(
@@ -82,15 +82,15 @@ class Place:
     surface: str = "top"  # "top", "bottom" or "middle" of a sheet or of its `layer`
     #: number of a layer, from the bottom, 0 the first; None: the whole thickness
     layer: int | None = None
-    #: (y, z) [m] from the centroid along a beam's axes, a number of a point of its outline, or None
+    #: (y, z) [m] from the centroid in a beam's axes, number of an outline point, None: all
     fibre: tuple[float, float] | int | None = (0.0, 0.0)
-    local: bool = False  # whether tensors are in the local axes, not in those of the mesh
-    #: group of beams on edges of a sheet whose quantity is taken; None: that of the cells
+    local: bool = False  # whether tensors are in local axes instead of the mesh's axes
+    #: group of beams on edges of a sheet that are evaluated; None: the cells are
     stiffener: str | None = None
 
 
 def on_outlines(sections: Sequence[Section], place: Place) -> list[Place]:
-    """The positions at all points of the sections' outlines; [] if a section has none."""
+    """Positions at all points of the sections' outlines; [] if a section has no outline."""
     sizes = [len(section.outline) for section in sections]
     if min(sizes):
         return [replace(place, fibre=k) for k in range(max(sizes))]
@@ -102,14 +102,14 @@ AnyStrength: TypeAlias = float | TensileStrength | Strengths | None
 
 
 class Origin(NamedTuple):
-    """What some tensors belong to: strength of the material, and place in the sheet."""
+    """Origin of tensors: the strength of their material, and their place in the sheet."""
 
     strength: AnyStrength
     place: Place
 
 
 class NodeTensors(NamedTuple):
-    """Tensors at nodes, on rank 0; a node may have several, as of two materials."""
+    """Tensors at nodes, on rank 0; a node may have several, for instance of two materials."""
 
     nodes: IntArray  # (S,) node of each tensor
     columns: Array  # (S, 6, columns) components
@@ -123,7 +123,7 @@ def layers_of(material: object) -> Sequence[Layer]:
 
 
 def strength_of(material: object, place: Place) -> AnyStrength:
-    """Strength of a material at a place: yield, `TensileStrength` or that of a layer; None:
+    """Strength at a place: yield strength, `TensileStrength` or a layer's strength; None if it is
     unknown."""
     layers = layers_of(material)
     if not layers:
@@ -137,7 +137,7 @@ def strength_of(material: object, place: Place) -> AnyStrength:
 def place(
     surface: object, layer: object, fibre: object, axes: object, stiffener: str | None = None
 ) -> Place:
-    """The position that arguments of `probe` mean; InputError for invalid ones."""
+    """The position given by arguments of `probe`; InputError for invalid arguments."""
     surface = checks.choice("surface", surface, SHEET_SURFACES)
     if layer is not None:
         layer = checks.whole("layer", layer, least=0)

@@ -15,7 +15,7 @@ from antiosc.base.errors import InputError, MissingDependencyError
 def write_vtu(
     path: Path, points: Array, cells: Sequence[tuple[str, IntArray]], fields: Mapping[str, Array]
 ) -> None:
-    """Write fields (n,) or (n, 3) at `points` (n, 3) [m] to one file; cells are in VTK's order."""
+    """Write fields (n,) or (n, 3) at `points` (n, 3) [m] to one file; cells have VTK's order."""
     try:
         import meshio  # takes a while to load
     except ImportError as error:
@@ -34,7 +34,7 @@ def write_vtu_file(
     cells: Sequence[tuple[str, IntArray]],
     fields: Mapping[str, Array],
 ) -> Path:
-    """`write_vtu`, completely or not at all; returns the path with its ending."""
+    """Write a `.vtu` file, replacing an old file only when complete; returns its path."""
     target = checks.new_file("path", path)
     if target.suffix.lower() != ".vtu":
         target = target.with_name(f"{target.name}.vtu")
@@ -44,7 +44,7 @@ def write_vtu_file(
 
 
 def with_pvd(path: str | os.PathLike[str]) -> Path:
-    """The path with the ending `.pvd`; other points belong to the name, as in `run_v=1.5`."""
+    """The path with the ending `.pvd`; other dots, as in `run_v=1.5`, belong to the name."""
     path = checks.new_file("path", path)
     target = path if path.suffix.lower() == ".pvd" else path.with_name(f"{path.name}.pvd")
     if not target.stem.isprintable():
@@ -62,7 +62,7 @@ def write_frames(
     times: Array,
     fields: Iterable[Array],
 ) -> None:
-    """Write displacements (points, 3) [m] at `times`, then `target`, the list of the files."""
+    """Write one file of displacements (points, 3) [m] for each time, then their list `target`."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         target.unlink(missing_ok=True)

@@ -1,11 +1,11 @@
 """Strain, stress, rotation and section forces at points of solids, bars, beams and sheets.
 
-In beams the strains of the section are taken at the Gauss points of the stiffness, where they are
-most accurate, and interpolated between them.
+In beams the section strains are evaluated at the Gauss points of the stiffness, where they are most
+accurate, and interpolated between them.
 
-In sheets they are those of the element (`antiosc.fem.elements.shell`): on triangles the shear
-strain has the interpolated rotations, on quadrilaterals it is taken at the 2×2 points of its
-quadrature and interpolated, as is the membrane strain of curved quadrilaterals.
+In sheets the strains are those of the element (`antiosc.fem.elements.shell`): on triangles the
+shear strain uses the interpolated rotations; on quadrilaterals it is evaluated at the 2×2 points of
+its quadrature and interpolated, as is the membrane strain of curved quadrilaterals.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def rotated_tensors(tensors: Array, R: Array) -> Array:
 
 
 def from_frame(local: Array, frame: Sequence[Array]) -> Array:
-    """Tensors (P, 3, 3, columns) turned from the axes `frame`, each (P, 3), to the mesh's."""
+    """Tensors (P, 3, 3, columns) rotated from the axes `frame`, each (P, 3), to the mesh's axes."""
     return rotated_tensors(local, np.stack(list(frame), axis=2))
 
 
@@ -48,7 +48,7 @@ def column_tensors(six: Array) -> Array:
 
 class PointsInCells:
     """Points X (P, tdim) in `cells` (P,) of this rank, with motions `shapes` (dofs with ghosts,
-    columns), or with `factors` (P, columns) their sum at each point of solids."""
+    columns). With `factors` (P, columns) the one motion at a point is the sum factor · shape."""
 
     def __init__(
         self,
@@ -73,13 +73,13 @@ class PointsInCells:
         return PointsInCells(self.part, self._shapes, self.cells, X)
 
     def one_point_per_cell(self, X: Array) -> tuple[PointsInCells, IntArray]:
-        """(the point X (tdim,) of each cell, number (P,) of each point's cell)."""
+        """(one point at X (tdim,) in each cell, number (P,) of each present point's cell)."""
         cells, number = np.unique(self.cells, return_inverse=True)
         X = np.broadcast_to(X, (len(cells), len(X)))
         return PointsInCells(self.part, self._shapes, cells, X), number
 
     def dofs(self, names: str | tuple[str, ...]) -> Array:
-        """Dofs (P, functions, len(names), columns) of components; 0 for those that it lacks."""
+        """Dofs (P, functions, len(names), columns) of components; 0 for missing components."""
         components = self.part.form.components
         factors = self._factors
         count = self._shapes.shape[1] if factors is None else 1
@@ -107,12 +107,12 @@ class PointsInCells:
         return [self.part.parts[k][0] for k in numbers] or [self.part.parts[0][0]], index.ravel()
 
     def material_values(self, value: Callable[[Material], ArrayLike]) -> Array:
-        """`value(material)` at each point, for the material there: (P, …)."""
+        """`value(material)` of the material at each point: (P, …)."""
         materials, index = self._materials
         return np.array([value(material) for material in materials])[index]
 
     def values(self, dofs: Array) -> Array:
-        """Values (P, components, columns) at the points of the functions with these `dofs`."""
+        """Values (P, components, columns) at the points, from `dofs` of the basis functions."""
         if not len(self.X):
             return np.zeros((0, *dofs.shape[2:]))
         table = compat.tabulate(self._space, self._first, self.X)
@@ -169,7 +169,7 @@ def solid_stress(at: PointsInCells, place: Place) -> Array:
 
 
 def solid_rotation(at: PointsInCells, place: Place) -> Array:
-    """Half the curl of the displacement (P, 3, columns), rad; (P, 1, columns) of plane parts."""
+    """Half the curl of the displacement (P, 3, columns), rad; (P, 1, columns) on plane parts."""
     g = _displacement_gradient(at)
     if at.part.mesh.gdim == 2:
         return np.asarray((g[:, 1, 0] - g[:, 0, 1])[:, None] / 2)
@@ -188,7 +188,7 @@ def _displacement_gradient(at: PointsInCells) -> Array:
 
 
 def _in_material_axes(at: PointsInCells, tensors: Array, place: Place) -> Array:
-    """`tensors`, in the axes of an anisotropic material if `place` is local."""
+    """`tensors`, rotated to the axes of an anisotropic material if `place` is local."""
     if not place.local:
         return tensors
     axes = at.material_values(lambda solid: getattr(solid, "axes", np.eye(3)))
@@ -210,7 +210,7 @@ def _axial_strain(at: PointsInCells) -> Array:
 
 
 def _second_order_strain(at: PointsInCells, slope: Array) -> Array:
-    """Second-order axial strains (P, columns) by `slope` (P, 3, columns), minus initial ones."""
+    """Second-order axial strains (P, columns) of the gradient `slope`, minus initial strains."""
     if at.part.initial is None:
         return np.zeros(slope[:, 0].shape)
     return np.sum(slope**2, axis=1) / 2 - at.part.initial[at.cells][:, None]
@@ -219,7 +219,7 @@ def _second_order_strain(at: PointsInCells, slope: Array) -> Array:
 def truss_tensors(
     at: PointsInCells, place: Place, sizes_of: Callable[[Material], list[float]]
 ) -> Array:
-    """Tensors (P, 3, 3, columns): axial strain times `sizes_of` a bar (along, across it)."""
+    """Tensors (P, 3, 3, columns): the axial strain times `sizes_of(material)` = (along, across)."""
     if place.local:
         axial_tensor = np.broadcast_to(np.diag([1.0, 0, 0]), (len(at.cells), 3, 3))
     else:
@@ -240,7 +240,7 @@ class BeamFrame(NamedTuple):
 
 
 def section_strains(at: PointsInCells) -> tuple[Array, BeamFrame]:
-    """((ε, γy, γz, twist, κy, κz) (P, 6, columns) of the centroid, axes of the beam)."""
+    """((ε, γy, γz, twist, κy, κz) (P, 6, columns) at the centroid, axes of the beam)."""
     frame = _beam_axes(at)
     nodes = gauss_points(at.part.form.space.element.basix_element.degree)
     mean = 0.0
@@ -250,7 +250,7 @@ def section_strains(at: PointsInCells) -> tuple[Array, BeamFrame]:
 
 
 def beam_section_forces(at: PointsInCells, place: Place) -> Array:
-    """(N, Vy, Vz, T, My, Mz) (P, 6, columns) of beams in space, (N, V, M) of plane ones; N, N m."""
+    """(N, Vy, Vz, T, My, Mz) (P, 6, columns) [N, N m] of beams; (N, V, M) of plane beams."""
     strains, _ = section_strains(at)
     size = at.part.mesh.extent()
 
@@ -281,7 +281,7 @@ def beam_strain(at: PointsInCells, place: Place) -> Array:
 
 
 def beam_stress(at: PointsInCells, place: Place) -> Array:
-    """Stress tensors (P, 3, 3, columns) [Pa] at a fibre: normal stress of N, My, Mz alone."""
+    """Stress tensors (P, 3, 3, columns) [Pa] at a fibre: only the normal stress of N, My, Mz."""
     strains = beam_strain(at, Place(fibre=place.fibre, local=True))
     local = np.zeros_like(strains)
     local[:, 0, 0] = at.material_values(lambda beam: [beam.E]) * strains[:, 0, 0]
@@ -299,7 +299,7 @@ def _fibre_position(beam: Beam, place: Place) -> list[float]:
 
 
 def _section_strains_at(at: PointsInCells, frame: BeamFrame) -> Array:
-    """The six section strains (P, 6, columns) at the points themselves, not by Gauss points."""
+    """The six section strains (P, 6, columns), evaluated at the points, not at Gauss points."""
     length = np.linalg.norm(at.J[:, :, 0], axis=1)[:, None, None]
     displacements = at.dofs("xyz")
     rotations = at.dofs(("rx", "ry", "rz"))
@@ -368,8 +368,8 @@ class Strains(NamedTuple):
 
 
 class SheetAxes:
-    """Directions of 0° (default: along x, or y) and top sides of cells; all ranks must construct
-    it."""
+    """0° directions (default: along x, or y) and top sides of cells. Its construction is
+    collective."""
 
     def __init__(self, part: MeshedStructure) -> None:
         self.axis, self.side = part.axes_and_sides
@@ -390,7 +390,7 @@ class SheetAxes:
 
 
 def middle_strains(at: PointsInCells, axes: SheetAxes) -> Strains:
-    """Strains of the middle surface at points, interpolated as in the energy of the element."""
+    """Strains of the middle surface at points, interpolated as in the element's strain energy."""
     strains = _strains_at_points(at, axes)
     if at.part.mesh.cell == "triangle":
         return strains
@@ -424,7 +424,7 @@ def sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stress
         return np.zeros((0, 3, 3, membrane.shape[2]))
 
     def sheet_values(value: Callable[[Sheet, int, float], ArrayLike]) -> Array:
-        """`value(sheet, number of its layer, height above its middle [m])` at each point."""
+        """`value(sheet, layer number, height above the middle surface [m])` at each point."""
         return at.material_values(lambda sheet: value(sheet, *_layer_and_height(sheet, place)))
 
     # stresses of the shear forces in equilibrium, and the strains that they cause
@@ -450,7 +450,7 @@ def sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stress
 
 
 def _layers(sheet: Sheet) -> list[Layer]:
-    """The layers of a sheet; of a shell the only one."""
+    """The layers of a sheet; a shell has one."""
     if isinstance(sheet, Laminate):
         return list(sheet.layers)
     if isinstance(sheet, GivenSheet):
@@ -485,7 +485,7 @@ def _layer_and_height(sheet: Sheet, place: Place) -> tuple[int, float]:
 
 
 def _strains_at_points(at: PointsInCells, axes: SheetAxes) -> Strains:
-    """Strains at the points themselves, without the interpolation of the element."""
+    """Strains evaluated at the points, without the interpolation of the element."""
     frame = axes.frame(at)
     e1, e2, n = frame
 
@@ -519,7 +519,7 @@ def _strains_at_points(at: PointsInCells, axes: SheetAxes) -> Strains:
 
 
 def _shear_rotations(at: PointsInCells, rotations: Array, frame: SheetFrame) -> Array:
-    """θ×n along e1 and e2 (P, 2, columns); in triangles interpolated as in the energy."""
+    """θ×n along e1 and e2 (P, 2, columns); in triangles interpolated as in the strain energy."""
     e1, e2, n = frame
     tangents = np.stack([e1, e2], axis=1)
     if at.part.mesh.cell != "triangle":

@@ -1,1 +1,1 @@
-"""One strike to a tolerance, advice, and many strikes over a surface: maps."""
+"""One strike to a tolerance, advice on models, and maps of many strikes over a surface."""

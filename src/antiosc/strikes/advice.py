@@ -1,17 +1,17 @@
-"""Which element family is enough for a part and an impact, and how fine its mesh must be.
+"""The element family that is sufficient for a part and an impact, and its element size.
 
 Everything is estimated from the dimensions, without a mesh. The contact time on the part cannot be
-shorter than that on a half-space of its material; above twice the inverse of that time the spectrum
-of the force is small. An element family is sufficient if it is valid up to that frequency:
+shorter than on a half-space of its material; above twice the inverse of this time the spectrum of
+the force is small. An element family is sufficient if it is valid up to this frequency,
 
     beam    half of the lowest frequency of a free strip of its width (the section deforms)
     shell   half of the first thickness-shear frequency, c_s/(2h) (the thickness deforms)
     solid   no limit
 
-and if the contact is small compared with the dimension that the family takes to be rigid, and the
-part is slender. The contact of a light impactor ends before the part moves appreciably: if Zener's
-inelasticity λ is small, the force is that of Hertz's law on a half-space, and the frequency limit
-does not matter.
+and if the contact is small compared with the dimension that the family assumes rigid, and the part
+is slender. The contact of a light impactor ends before the part moves appreciably: if Zener's
+inelasticity λ is small, the force is as on a half-space (Hertz), and the frequency limit does not
+matter.
 """
 
 from __future__ import annotations
@@ -55,14 +55,14 @@ class Advice(FieldsRepr):
 
     Attributes
     ----------
-    family : "beam", "shell" or "solid", the smallest that is enough.
-    contact_time : contact time of the impactor on a half-space [s]; that on the part is longer.
+    family : "beam", "shell" or "solid", the simplest that is sufficient.
+    contact_time : contact time of the impactor on a half-space [s]; it is longer on the part.
     frequency : highest frequency that the model must represent [Hz].
-    element_size : largest element of that family [m].
+    element_size : largest sufficient element size for this family [m].
     contact_radius : radius of Hertz's contact at its peak [m].
     inelasticity : Zener's λ of the impactor on an infinite plate of this thickness.
     limits : family -> highest frequency [Hz] at which it is valid.
-    reasons : why the simpler families are not sufficient, and the limit of the element size.
+    reasons : sentences on why simpler families are not sufficient, and on the element size.
     """
 
     family: str
@@ -100,14 +100,14 @@ def advise(
     impactor : Sphere, or RigidMass with a tip
         Any other object with a mass, a velocity and a method `hertz(E, nu)` is accepted too.
     E, nu, rho : float
-        Young's modulus [Pa], Poisson's ratio and density [kg/m^3] of the part; needed with bare
-        dimensions.
+        Young's modulus [Pa], Poisson's ratio and density [kg/m^3] of the part, if `part` gives
+        only dimensions.
 
     Raises
     ------
     InputError
-        Dimensions that are not positive or not in falling order, no material, an impactor at rest
-        or without Hertz's law; a structure of solids that is no block.
+        Dimensions that are not positive or not in descending order, no material, an impactor at
+        rest or without Hertz's law; a structure of solids that is not a block.
     """
     length, width, thickness, material = _dimensions_and_material(part, E, nu, rho)
     E, nu, rho = material

@@ -1,8 +1,8 @@
-"""The one default of each number that a user may leave open, shared by programs, scenes and pages.
+"""Default values of numbers that a user may leave out, shared by programs, scenes and pages.
 
-The cells of a geometry are those of `default_size` of `antiosc.fem.mesh.reading`. The patch of a
-solid is as small as its facets resolve, and carries the force of the striker on a rigid wall, which
-no part exceeds. The duration is doubled until striker and part have parted.
+The cell size of a geometry is `default_size` of `antiosc.fem.mesh.reading`. The patch of a solid is
+the smallest that its facets resolve and that carries the force of the striker on a rigid wall,
+which no part exceeds. The duration is doubled until striker and part have separated.
 """
 
 from __future__ import annotations
@@ -47,19 +47,19 @@ WALL_DURATION_RATIO = 4.0
 
 
 def usual_cell(length: float, thickness: float) -> float:
-    """Size [m] of cells at the site of a solid of this length, and thickness there [m]."""
+    """Cell size [m] at the site of a solid of this length [m] and local thickness [m]."""
     return rounded_up(min(BALL_RADIUS_SHARE * length, thickness / CELLS_THROUGH_THICKNESS))
 
 
 def usual_ball(length: float) -> float:
-    """Radius [m] of the ball that strikes a part whose longest side is `length` [m]."""
+    """Default radius [m] of a ball that strikes a part whose longest side is `length` [m]."""
     return float(f"{BALL_RADIUS_SHARE * length:.1g}")
 
 
 def patch_radius(
     structure: Structure, site: Site, striker: LinearBody, contact: AnyLaw = AUTO
 ) -> float | None:
-    """Radius [m] of the patch of a solid at a site; None of sheets, bars and matrices."""
+    """Radius [m] of the patch of a solid at a site; None for sheets, beams and matrices."""
     try:
         resolved = resolved_radius(with_parts(structure), site)
     except AntioscError:
@@ -89,7 +89,7 @@ def _carrying_radius(
 
 
 def next_count(hit: History) -> int | None:
-    """The next number of anti-oscillators; None if the run has enough, or more cost too much."""
+    """The next number of anti-oscillators; None if they are enough or more would cost too much."""
     model = hit.model
     if hit.rerun is None or truncation_error(model, hit.rerun).peak_force <= MAX_TRUNCATION_ERROR:
         return None

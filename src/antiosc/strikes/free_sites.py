@@ -1,4 +1,4 @@
-"""The sites of a map, in the free modes of the structure."""
+"""The sites of a map, with the structure's free modes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SiteSelection: TypeAlias = str | Sequence[str] | Sequence[Sequence[float]] | Non
 
 @dataclass(frozen=True, eq=False)
 class FreeSites:
-    """P sites with J free modes of the structure, rigid-body modes first."""
+    """P sites and J free modes of the structure, rigid-body modes first."""
 
     map_sites: MapSites  # the sites, with their points and directions
     #: omega, phi: (J,) [rad/s], shapes (rows of this rank, J) of unit modal mass
@@ -52,7 +52,7 @@ def free_sites(
     most: float = math.inf,
     most_sites: int | None = None,
 ) -> FreeSites:
-    """The sites of a map with at most `most` free modes; other arguments as for `impact_map`."""
+    """The sites of a map and at most `most` free modes; other arguments as for `impact_map`."""
     with doing("finding the sites of the map"):
         map_sites = sites_of(matrices, where, direction, radius, most_sites)
 
@@ -72,7 +72,7 @@ def free_sites(
 def _lowest_free_modes(
     structure: Structure, count: int | None, band: float | None, most: float
 ) -> Modes:
-    """The lowest `count` elastic modes, or as many up to `most` as exceed the band."""
+    """The lowest `count` elastic modes, or as many (at most `most`) as cover the band."""
     most = min(most, structure.dofs)
     mode_count = min(
         DEFAULT_FREE_MODES if count is None else whole("modes", count), structure.dofs - 1

@@ -1,8 +1,8 @@
 """`impact_map`: anti-oscillators and impacts at every point of a surface.
 
-One eigenproblem serves all sites (`antiosc.models.free_modes`). Each site needs the values of the
-free modes at the site and two numbers of its static deflection y: the compliance b'y and the
-inertia y'My (`antiosc.fem.linalg.deflections`). The error of Z is bounded at each site.
+All sites use one eigenproblem (`antiosc.models.free_modes`). Each site needs the displacements of
+the free modes there, and the compliance b'y and the inertia y'My of its static deflection y
+(`antiosc.fem.linalg.deflections`). The error of Z is bounded at each site.
 """
 
 from __future__ import annotations
@@ -105,35 +105,36 @@ def impact_map(
     where : str, list of str, or array_like (P, 2 or 3), optional
         A group of faces (cells of shells and beams) whose vertices are the sites, several groups,
         or points. None: the whole surface. In an assembly "part:group", or "part" for its whole
-        surface, or several of them; None: all parts, faces that are tied included. A vertex of
-        two groups is a site of each.
+        surface, or several of them; None: all parts, including tied faces. A vertex of two groups
+        is a site of each.
     impactor, contact, duration
-        As for `simulate`; "auto" chooses the law at each site, and sites on edges, whose radius is
-        an assumption, are doubtful. Without an impactor: extraction only, no impacts.
+        As for `simulate`; "auto" chooses the law at each site. Sites on edges, whose radius is
+        assumed, are doubtful. Without an impactor there are models and no impacts.
     direction : sequence of float, optional
-        Direction of impact at all sites; None: against the outward normal (solids, by group).
+        Direction of impact at all sites; None: against the outward normal (only for solids).
     radius : float, optional
         Radius of the patch, m, as for `Site`.
     n : int, optional
-        Anti-oscillators at each site, by the Krylov method on the free modes. Default: 12; with an
-        impactor 12, 25, 50 or 100, the fewest whose Z(ω) keeps `accuracy` over the band.
+        Number of anti-oscillators at each site, by the Krylov method on the free modes. Default:
+        12; with an impactor the fewest of 12, 25, 50 and 100 whose Z(ω) meets `accuracy` over the
+        band.
     modes : int, optional
         Number of free modes; default 20, or as many as reach 1.5 times the band, at most 100 if no
         band is given.
     band : float, optional
         Highest frequency of interest, Hz. Default: the band that the impact excites
-        (`impact_band`); without an impactor, with `modes`, or where 100 modes end below it, as far
-        as the free modes are good: the last free frequency over 2 or, in the last case, 1.5.
+        (`impact_band`). Without an impactor, or with `modes`: half of the last free frequency; if
+        100 modes end below the impact's band: the last free frequency over 1.5.
     accuracy : float
-        Largest |dZ|/|Z| over the band, at 1 % damping; a warning tells how many sites exceed it.
+        Largest |dZ|/|Z| over the band, at 1 % damping; a warning counts the sites above it.
     stress : bool or int
-        Whether to seek the largest von Mises stress anywhere in the part for the blow at each site,
-        as `peak_field` does for one impact: 0.3 s a site for 33 000 dofs. A number: at no more than
-        so many sites that are not doubtful and far from each other. Of solids three radii of a
-        contact that yields are left out.
+        Whether to compute the largest von Mises stress anywhere in the part for the impact at each
+        site, as `peak_field` does for one impact (0.3 s per site for 33 000 dofs). A number limits
+        it to this many sites, which are reliable and far from each other. For solids, three radii
+        around a contact that yields are left out.
     most_sites : int, optional
-        At most so many vertices of each group or part are sites, as far from each other as
-        possible. Default: all.
+        Largest number of sites on each group or part, as far from each other as possible. Default:
+        all vertices.
 
     Raises
     ------
@@ -226,14 +227,14 @@ def impact_map(
 
 
 def on_plane(structure: Structure, impactor: LinearBody | None, contact: AnyLaw) -> ContactLaw:
-    """The law `contact`; for "auto" the law of the impactor on a flat face of the structure."""
+    """The law `contact`; for "auto" the law for the impactor on a flat face of the structure."""
     return law_of(contact, StructurePlane(structure), impactor)
 
 
 def _laws_and_exceptions(
     structure: Structure, impact_map: ImpactMap, impactor: LinearBody, plane: ContactLaw
 ) -> tuple[list[ContactLaw], dict[str, BoolArray]]:
-    """(laws of the P sites, reason -> mask (P,) of sites whose impact does not follow its law)."""
+    """(laws of the P sites, masks (P,) by reason of sites where the law does not hold)."""
     laws = []
     sharp, hollow, pierced = (np.zeros(len(impact_map), dtype=bool) for _ in range(3))
     radii = impact_map.radius if impact_map.radius is not None else np.full(len(impact_map), np.nan)
@@ -263,7 +264,7 @@ def _laws_and_exceptions(
 def _reduced_sites(
     sites: FreeSites, counts: Sequence[int], shift: float, band: float, accuracy: float
 ) -> tuple[SiteModels, Array]:
-    """(models of the first of `counts` that meets `accuracy`, their error bounds (P,))."""
+    """(models with the first of `counts` that meets `accuracy`, their error bounds (P,))."""
     of_sites = sites.omega, sites.b, sites.compliance, sites.inertia
     for n in counts:
         models = free_modes.site_models(*of_sites, n, shift)
@@ -295,7 +296,7 @@ def _warn_of_sites(result: ImpactMap, accuracy: float) -> None:
 
 
 def _warn_of_impacts(result: ImpactMap, thickness: float | None) -> None:
-    """Warn of doubtful sites, of blows beyond the band, and of a sheet that stretches."""
+    """Warn of doubtful sites, of impacts beyond the band, and of a sheet that stretches."""
     sentences = [left_out_text(result), low_band(result)]
 
     if (
@@ -371,7 +372,7 @@ def _with_impacts(
 
 
 def with_stresses(structure: Structure, impact_map: ImpactMap, most: int | None) -> ImpactMap:
-    """A map with the largest stresses at `most` sound sites that lie apart; None: at all."""
+    """A map with the largest stresses at `most` reliable sites far apart; None: at all of them."""
     assert impact_map.forces is not None
     assert impact_map.duration is not None
     assert impact_map.free_sites is not None
@@ -391,7 +392,7 @@ def with_stresses(structure: Structure, impact_map: ImpactMap, most: int | None)
 
 
 def _yielded_radius(law: ContactLaw | None, force: float) -> float:
-    """Radius [m] of a contact that yields, the larger of Hertz's and full plasticity's; else 0."""
+    """Radius [m] of a yielding contact, the larger of Hertz's and the fully plastic one; else 0."""
     if not isinstance(law, ElasticPlastic) or not law.yield_force < force:
         return 0.0
     hertz = (force * law.radius**1.5 / law.stiffness) ** (1 / 3)

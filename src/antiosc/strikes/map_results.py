@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ImpactMap(CompletedResult):
-    """Anti-oscillators and impacts over a surface, on every rank alike.
+    """Anti-oscillators and impacts over a surface, the same on every rank.
 
     Attributes
     ----------
@@ -43,24 +43,23 @@ class ImpactMap(CompletedResult):
     radius : (P,) radii of the patches [m], or None for points.
     error : (P,) bound on |dZ|/|Z| up to `band` [Hz].
     skipped : number of sites left out: fixed by supports, or without a surface under the patch.
-    names : (P,) the group or part of each site, by its name in `where`; "" without a name.
-    doubtful : (P,) bool, sites whose impact is unreliable: an edge cuts the patch or supports fix a
-        part of it, so that its half-space compliance is not valid, the striker meets the part
-        elsewhere, or the force exceeds that on a rigid wall. `summary` and `plot` omit them.
+    names : (P,) the group or part of each site, as named in `where`; "" without a name.
+    doubtful : (P,) bool, sites whose impact is unreliable. An edge cuts the patch or supports fix a
+        part of it, so that its half-space compliance is not valid; the striker also touches the
+        part elsewhere; or the force exceeds that on a rigid wall. `summary` and `plot` omit them.
     reasons : (P,) the first reason why a site is doubtful; "" for reliable sites.
     peak_force [N], contact_time [s], restitution, impulse [N s], peak_deflection [m] : (P,) of the
         impacts, or None; restitution as in `History`, NaN if the bodies still touch at the end or
-        never touched; the deflection is that of the site, including the indentation of the patch.
-    peak_stress, exposure : (P,) largest von Mises stress [Pa] anywhere in the part for the blow at
-        each site, and largest share of the yield strength, 1 at yield; NaN at sites where it is
-        not sought; None where not asked for, or no material has a
-        yield_strength.
+        never touched; the deflection of the site includes the indentation of the patch.
+    peak_stress, exposure : (P,) largest von Mises stress [Pa] anywhere in the part for the impact
+        at each site, and largest share of the yield strength, 1 at yield; NaN at sites where it is
+        not computed; None if it was not requested, or no material has a yield_strength.
     stress_points : (P, 3) place of the largest exposure, or stress if no strength is known [m].
-    cell_dimension : dimension of the cells: 3 of solids, 2 of sheets.
-    impactor, contact, duration : those of the impacts, or None; `contact` is the law on a flat
-        face, `duration` that of all impacts [s].
-    laws : (P,) laws of the sites; None if `contact` is the law of all.
-    free_sites : the sites in the free modes of the structure, of which stresses are made.
+    cell_dimension : dimension of the cells: 3 for solids, 2 for sheets.
+    impactor, contact, duration : arguments of the impacts, or None; `contact` is the law on a flat
+        face, `duration` the duration of all impacts [s].
+    laws : (P,) laws of the sites; None if `contact` is the law at all sites.
+    free_sites : the sites with the free modes of the structure, from which stresses are computed.
     forces : (P,) pairs of times [s] and forces [N] of the impacts; None without impacts.
     """
 
@@ -146,9 +145,9 @@ class ImpactMap(CompletedResult):
         return {name: value for name, value in arrays.items() if value is not None}
 
     def write(self, path: str | os.PathLike[str]) -> Path:
-        """Write points, elements and all quantities to a VTU file (or whatever meshio writes).
+        """Write points, elements and all quantities to a VTU file (or another format of meshio).
 
-        InputError where the file cannot be written, or its suffix belongs to no format of meshio.
+        InputError if the file cannot be written, or its suffix belongs to no format of meshio.
         """
         import meshio  # takes a while to load
 
@@ -173,15 +172,15 @@ class ImpactMap(CompletedResult):
 
     @property
     def alone(self) -> IntArray:
-        """Numbers of the sites without elements."""
+        """Numbers of the sites that belong to no element."""
         return np.setdiff1d(np.arange(len(self)), self.elements)
 
     def surfaces(self) -> dict[str, IntArray]:
-        """Name of each group or part -> numbers of its sites, in order."""
+        """Numbers of the sites of each group or part, by its name."""
         return {name: np.flatnonzero(self.names == name) for name in dict.fromkeys(self.names)}
 
     def summary(self) -> str:
-        """One line for each group or part: its sites, their stiffness, and its hardest impact."""
+        """One line for each group or part: its sites, their stiffness, its largest peak force."""
         surfaces = self.surfaces()
         width = max(5, *(len(name) for name in surfaces))
         title = f"{'where':<{width}}{'sites':>7}{'k0':>32}"
@@ -225,19 +224,19 @@ class ImpactMap(CompletedResult):
     ) -> Figure | Path:
         """One of `quantities()` over the surface; see `antiosc.plotting.plot_map`.
 
-        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
+        With `path` (PNG, PDF, SVG, …) the picture is written and the path is returned.
         """
         return plot_map(self, path, quantity)
 
 
 def with_doubts(impact_map: ImpactMap, mask: BoolArray, reason: str) -> ImpactMap:
-    """The map with further doubtful sites, a mask (P,), and their reason if they have none yet."""
+    """The map with further doubtful sites `mask` (P,); sites keep the first reason they got."""
     reasons = np.where(mask & ~impact_map.doubtful, reason, impact_map.reasons)
     return replace(impact_map, doubtful=impact_map.doubtful | mask, reasons=reasons)
 
 
 def doubts_text(impact_map: ImpactMap) -> str:
-    """Text: the number of doubtful sites, in all and for each reason."""
+    """Text on the number of doubtful sites, in total and for each reason."""
     reasons, counts = np.unique(impact_map.reasons[impact_map.doubtful], return_counts=True)
     number = int(impact_map.doubtful.sum())
     total = f"{number} doubtful site{'s' * (number != 1)}"
@@ -271,8 +270,7 @@ def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:
 def hardest(
     impact_map: ImpactMap, sites: IntArray | None = None, values: Array | None = None
 ) -> int:
-    """The reliable site (one of `sites`) with the largest of `values` (P,), or of the peak
-    forces."""
+    """The reliable site (of `sites`) with the largest of `values` (P,); default: peak force."""
     values = impact_map.peak_force if values is None else values
     assert values is not None
     sites = trusted(impact_map, sites)
@@ -280,7 +278,7 @@ def hardest(
 
 
 def spread_sites(impact_map: ImpactMap, most: int) -> IntArray:
-    """At most `most` reliable sites: the hardest, then each time the farthest from those chosen."""
+    """At most `most` reliable sites: of largest force, then the farthest from those chosen."""
     sites = trusted(impact_map)
     if len(sites) <= most:
         return sites
@@ -303,7 +301,7 @@ def excited_band(impactor: LinearBody | None, contact: ContactLaw | None) -> flo
 
 
 def low_band(result: ImpactMap) -> str:
-    """Sentence if the blow excites frequencies above the band of the map's models; else ""."""
+    """Sentence if the impact excites frequencies above the band of the map's models; else ""."""
     excited = excited_band(result.impactor, result.contact)
     if excited is None or 2 * math.pi * result.band >= excited:
         return ""

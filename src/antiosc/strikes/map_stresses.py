@@ -1,6 +1,6 @@
 """The largest stress in the part for the impact at each site of a map.
 
-Under the force F(t) at site i the part moves in the free modes, and quasi-statically in all others,
+Under the force F(t) at site i the free modes respond dynamically, all other modes statically,
 
     u(t) = sum_j phi_j q_j(t) + [y_i - sum_j phi_j b_ij / (omega_j^2 + s)] F(t)
 
@@ -66,7 +66,7 @@ def largest_stresses(
 ) -> MapStresses:
     """The largest stresses in impacts at `site_numbers`; NaN at the other sites, on every rank.
 
-    `balls` (P, 4): x, y, z and radius [m] of what is left out for the impact at each site.
+    `balls` (P, 4): x, y, z and radius [m] of a ball to leave out for the impact at each site.
     """
     places = sides(structure)
     with doing("stresses of the free modes"):
@@ -176,7 +176,7 @@ def _largest_stress(columns: Array, x: Array, weights: Array) -> tuple[float, in
 
 
 def _principal_rotation(columns: Array, x: Array) -> tuple[Array, Array, Array]:
-    """(columns and factors rotated to principal ones, which bound a run closely; bounds (S,))."""
+    """(columns and factors rotated to principal components, bounds (S,) on the stress in a run)."""
     sizes = np.sqrt(np.einsum("spb,spb->b", columns, columns))
     sizes = np.where(sizes > 0, sizes, 1.0)
     weighted = x * sizes

@@ -47,7 +47,7 @@ DEFLECTION_SAMPLES = 400
 
 
 def simulated(structure: Structure, model: AntiOscillators, run: RunOnModel[H]) -> H:
-    """The impact on a model of a structure, with second-order forces if they matter."""
+    """The impact `run(model)`, with second-order forces if they matter."""
     linear, told = _run_with_warnings(run, model)
     hit = linear
     if model.stretch is None and may_stretch(linear):

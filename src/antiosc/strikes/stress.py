@@ -1,9 +1,9 @@
-"""The largest stress of a blow to a tolerance: smaller cells where its bounds are wide.
+"""The largest stress of an impact to a tolerance, by smaller cells where its bounds are wide.
 
-The force has its bar from the mesh at hand. The stress has its own places: in each round the cells
-become smaller where a node's upper bound lies above the largest stress's lower one, and the blow is
-struck again with the same number of anti-oscillators, patch and law. It ends when the bar of the
-largest stress by the mesh is within the tolerance.
+The error bar of the force is that of the first mesh. In each further round, cells are refined where
+a node's upper bound of stress exceeds the lower bound of the largest stress, and the impact is
+repeated with the same number of anti-oscillators, patch and law. The rounds end when the mesh error
+bar of the largest stress is within the tolerance.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ MakeFiner = Callable[[Sequence[Refinement]], Structure]
 
 @dataclass(frozen=True)
 class StressResult:
-    """The stress fields of a blow, with the part and the history on the mesh of the last round."""
+    """The stress fields of an impact, with the part and the history on the last mesh."""
 
     fields: dict[str, Any]  # quantity -> PeakField
     structure: Structure
@@ -64,7 +64,7 @@ class StressResult:
 
 
 def fields_by_strength(structure: Structure, hit: History, **options: Any) -> dict[str, PeakField]:
-    """Stress field for each strength of the materials, or "von_mises", as by `peak_field`."""
+    """Stress fields by the criterion of the materials' strengths, without any "von_mises"."""
     if "quantity" in options:
         return {options["quantity"]: peak_field(structure, hit, **options)}
     if hit.assembly.beyond_theory:
@@ -85,10 +85,10 @@ def closed(
     struck: Callable[[Structure], H],
     fields: Callable[[Structure, H], Mapping[str, PeakField]],
 ) -> StressResult:
-    """The stress fields with a bar of at most `tol` by the mesh, or the reason for a larger one.
+    """The stress fields with a mesh error bar of at most `tol`, or a reason for a larger one.
 
-    hit, structure : the impact, or fall, on the first mesh; finer : makes the part with smaller
-    cells; struck : repeats the impact on it; fields : computes the stress fields.
+    hit, structure : impact or fall, and part, on the first mesh; finer : makes the part with
+    smaller cells; struck : repeats the impact on it; fields : computes the stress fields.
     """
     started = time.perf_counter()
     known = StressResult(dict(fields(structure, hit)), structure, hit)
@@ -99,7 +99,7 @@ def closed(
     unit = max(structure.dofs, MIN_DOFS)
 
     def price(dofs: int) -> float:
-        """Cost of a further mesh over that of one of `unit` dofs."""
+        """Cost of a further mesh, relative to a mesh of `unit` dofs."""
         return float((dofs / unit) ** COST_POWER)
 
     for rounds in range(MAX_ROUNDS + 1):
@@ -146,7 +146,7 @@ def divided(structure: Structure, refine: Sequence[Refinement]) -> Structure:
 
 
 def struck_again(hit: History, structure: Structure, model: AntiOscillators) -> History:
-    """The same blow on the model of another mesh, by the same law."""
+    """The same impact on the model of another mesh, with the same contact law."""
 
     def on_model(model: AntiOscillators) -> History:
         if hit.named:
@@ -157,10 +157,10 @@ def struck_again(hit: History, structure: Structure, model: AntiOscillators) -> 
 
 
 def stress_bar(field: PeakField) -> tuple[float, float]:
-    """Relative errors (below, above) of the largest stress that counts, by the mesh.
+    """Relative mesh errors (below, above) of the largest judged stress.
 
-    Below, its own error. Other nodes have smaller errors by chance: the largest of all lower bounds
-    lay above the truth of 2 of 28 blows.
+    The bound below uses the error of its own node. Errors of other nodes may be too small by
+    chance: the largest of all lower bounds was above the truth in 2 of 28 impacts.
     """
     values, errors = _judged_stresses(field)
     k = int(values.argmax())
@@ -171,7 +171,7 @@ def stress_bar(field: PeakField) -> tuple[float, float]:
 
 
 def _judged_stresses(field: PeakField) -> tuple[Array, Array]:
-    """(values, their errors by the mesh), both 0 at the nodes that do not count."""
+    """(stresses, their mesh errors), both 0 at nodes that are not judged."""
     counts = True if field.counts is None else field.counts
     errors = np.zeros_like(field.values) if field.mesh_error is None else field.mesh_error
     return np.where(counts, field.values, 0.0), np.where(counts, errors, 0.0)
@@ -190,7 +190,7 @@ def _wanted_refinements(fields: dict[str, PeakField], tol: float) -> list[Refine
 
 
 def _refinements(field: PeakField, tol: float) -> list[Refinement]:
-    """At most `MAX_PLACES` refinements, where an upper bound exceeds the largest lower one."""
+    """At most `MAX_PLACES` refinements, where an upper bound exceeds the largest lower bound."""
     values, errors = _judged_stresses(field)
     upper = values + errors
     allowed = (1 + AIMED_TOL_SHARE * tol) * float(values.max())

@@ -1,10 +1,11 @@
-"""`strike`: an impact to a tolerance; mesh, number of anti-oscillators and step are chosen for it.
+"""`strike`: an impact to a tolerance, which chooses mesh, number of anti-oscillators and time step.
 
 Each round meshes, extracts, simulates and computes the error budget. If the mesh error is too large
 and can be reduced, the next mesh has the cell sizes that reduce it with the fewest cells
-(`antiosc.reduce.error.division`), weighted by the mean over the contact of the amplitudes of all
-shapes: cells become small where this impact requires it. On lines the change from one mesh to the
-next is the least bar. Anti-oscillators and time steps may each use a small share of the tolerance.
+(`antiosc.reduce.error.division`). The shapes' mean amplitudes during the contact weight the errors,
+so that cells become small where this impact requires it. On lines the mesh error bar is at least
+the change from one mesh to the next. Anti-oscillators and time steps may each use a small share of
+the tolerance.
 """
 
 from __future__ import annotations
@@ -113,37 +114,37 @@ def strike(
     source : path, Mesh or Structure
         A solid, a shell of triangles, or lines with `material=Beam(...)`. A geometry is meshed
         as finely as the impact needs. A mesh of straight triangles or tetrahedra is divided where
-        it is too coarse, one of lines everywhere, with a node at the site. Other meshes, and a
-        `Structure`, are used as they are: the error bar then shows their accuracy.
+        it is too coarse, a mesh of lines everywhere, with a node at the site. Other meshes, and a
+        `Structure`, are not refined: the error bar then shows their accuracy.
     site : Site
-        If it has no radius, one is chosen between those of the contact and of half the thickness
-        of the part; beams are struck at a point, shells on a patch of their thickness.
+        If it has no radius, one between the contact radius and half the thickness of the part is
+        chosen; beams are struck at a point, shells on a patch of their thickness.
     impactor, contact, duration, initial_velocity, gravity, gap : as for `simulate`.
     tol : float
-        Largest relative error of the three quantities, as the error budget promises it.
+        Largest relative error of the three quantities according to the error budget.
     stress_tol : float, optional
-        Largest bar by the mesh of the largest stress, relative: `stresses` of the history has a
-        `PeakField` for each strength, on meshes that are refined where their bounds are wide. The
-        law, the patch and the number of anti-oscillators stay.
+        Largest relative mesh error of the largest stress. `stresses` of the history has a
+        `PeakField` for each criterion, on meshes that are refined where its bounds are wide, with
+        the same law, patch and number of anti-oscillators.
     material, supports, prestress : as for `Structure`, for a file or a mesh.
     order : 1 or 2
         Degree of the displacements, and of the faces of a geometry's cells.
     limit : float, optional
-        Largest total computing time [s]. A further mesh is made only if it is expected to end
-        before; by default as many are made as the memory allows.
+        Largest total computing time [s]. A further mesh is made only if it is expected to be
+        computed in time; by default only the memory limits the meshes.
 
     Returns
     -------
     History
-        The history on the last mesh and its corrected model (of shells the raw one), with
+        The history on the last mesh, with its corrected model (for shells the uncorrected one) and
         `error_budget`; `model.info["strike"]` lists the meshes. Sheets with a large deflection have
-        second-order forces, as for `extract(…, stretch="auto")`. Status 1 and a sentence in the
-        message if the budget exceeds `tol`, with the cost of meeting it.
+        second-order forces, as for `extract(…, stretch="auto")`. If the budget exceeds `tol`, the
+        status is 1 and the message says what it would cost to meet it.
 
     Raises
     ------
     InputError
-        No material, or one of a family without an error estimate; arguments that `extract` and
+        No material, or an element family without an error estimate; arguments that `extract` and
         `simulate` refuse.
     """
     blow: dict[str, Any] = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
@@ -170,7 +171,7 @@ def strike_to_tolerance(
     asked: float | None = None,
     stress_tol: float | None = None,
 ) -> History:
-    """The result of `strike`, whose arguments it takes.
+    """The result of `strike`; arguments are as for `strike`, except:
 
     run : the impact, `run(model, error in time)`; report : called with the answer on each mesh and
     its site; asked : tolerance to name in messages, if it is not `tol`.
@@ -251,7 +252,7 @@ def strike_to_tolerance(
 def _with_stresses(
     hit: History, structure: Structure, tol: float, finer: stress.MakeFiner, site: Site, n: int
 ) -> History:
-    """The history with its stress fields, whose bars by the mesh are at most `tol`."""
+    """The history with stress fields whose mesh error bars are at most `tol`."""
 
     def struck(part: Structure) -> History:
         return stress.struck_again(hit, part, extract(part, site, n=n))
@@ -266,7 +267,7 @@ def _material_of(
     supports: Sequence[Support],
     prestress: Prestress | None,
 ) -> Material:
-    """The material, {} for a Structure; InputError for a missing or a superfluous one."""
+    """The material, {} for a Structure; InputError if it is missing or superfluous."""
     if isinstance(source, Structure):
         if material is not None or len(supports) or prestress is not None:
             raise InputError(
@@ -326,7 +327,7 @@ class MeshAnswer:
 def answer_on_mesh(
     structure: Structure, site: Site, run: RunFunction, tol: float, n: int
 ) -> MeshAnswer:
-    """The answer on one mesh, with twice as many anti-oscillators until they are enough."""
+    """The answer on one mesh; the number of anti-oscillators is doubled until it is enough."""
     accuracy = accuracy_of_steps(tol)
     limit = min(MAX_COUNT, structure.dofs - 1)
     n = min(n, limit)
@@ -350,7 +351,7 @@ def answer_on_mesh(
 def answer_with_n(
     structure: Structure, site: Site, run: RunFunction, accuracy: float, n: int
 ) -> MeshAnswer:
-    """The answer with `n` anti-oscillators, whatever their error; `accuracy`: that of its runs."""
+    """The answer with `n` anti-oscillators, whatever their error; `accuracy`: of the time steps."""
     structure.factorize()
     start_time = clock() - structure.seconds["factorization"]
     proof = not structure.matrices.dissipation()
@@ -378,7 +379,7 @@ ReportAnswer: TypeAlias = Callable[[MeshAnswer, Site], None]
 
 
 def with_change_since(answer: MeshAnswer, before: MeshAnswer | None) -> MeshAnswer:
-    """The answer on a mesh of lines; its mesh bars are at least the change from the mesh before."""
+    """The answer on a mesh of lines, with mesh error bars of at least the change since `before`."""
     if before is None:
         return answer
     change = with_floor(relative_changes(before.hit, answer.hit))
@@ -421,7 +422,7 @@ def _next_mesh(
     meshes: int,
     requested: float,
 ) -> tuple[Array, str]:
-    """(ratio of new to old size of each cell of the next mesh, "" or why no mesh follows)."""
+    """(ratio of new to old size of each cell for the next mesh, "" or why there is none)."""
     allowed = _room_for_mesh(answer.budget, tol)
     if min(allowed.values()) < MIN_MESH_SHARE * tol:
         return np.ones(0), _no_room_text(answer, requested)
@@ -491,7 +492,7 @@ def _room_for_mesh(budget: ErrorBudget, tol: float) -> dict[str, float]:
 
 
 def _no_room_text(answer: MeshAnswer, tol: float) -> str:
-    """Sentence: why no finer mesh brings the budget within the tolerance, and what does."""
+    """Sentence on why no finer mesh brings the budget within the tolerance, and on the remedy."""
     budget = answer.budget
     bar = max(budget.values(), key=lambda one: one.time + one.patch + one.stretch)
     shares = {"time steps": bar.time, "patch": bar.patch, "second-order forces": bar.stretch}
@@ -507,7 +508,7 @@ def _no_room_text(answer: MeshAnswer, tol: float) -> str:
 def _finished_history(
     answer: MeshAnswer, aim: float, tol: float, records: list[dict[str, float]], reason: str
 ) -> History:
-    """The history with its budget; `aim`: numerical tolerance, `reason`: why no mesh follows."""
+    """The history with its budget; `aim`: numerical tolerance, `reason`: for no further mesh."""
     hit = answer.hit
     budget = answer.budget
     model = replace(hit.model, info=hit.model.info.having(strike=records))
@@ -530,7 +531,7 @@ def _finished_history(
 
 
 def _missed_by_law(budget: ErrorBudget, tol: float) -> str:
-    """Sentence if the error of the contact law alone brings a bar above the tolerance; else ""."""
+    """Sentence if only the error of the contact law raises a bar above the tolerance; else ""."""
     worst = budget.worst
     if worst is None or worst <= tol:
         return ""

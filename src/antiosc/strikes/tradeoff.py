@@ -1,10 +1,10 @@
 """`tradeoff`: error of an impact against seconds and memory, and the cheapest sufficient method.
 
 Members are the meshes of `strike`, each with a few, more and enough anti-oscillators. Every member
-has the bar of its own error budget. The meshes end with the first whose bar is `BRACKETING_SHARE`
-of the tolerance: the tolerance then lies between members, and the difference of each member to the
-finest is an error that does not come from an estimate. No seconds are counted while finite elements
-are compiled or loaded, which is done once for all members; `Tradeoff.compilation` has them.
+has the error bar of its own budget. The last mesh is the first whose bar is `BRACKETING_SHARE` of
+the tolerance: the tolerance then lies between members, and the difference of each member to the
+finest is an error without an estimate. Seconds do not include the compiling and loading of finite
+elements, which is done once for all members and counted in `Tradeoff.compilation`.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ BYTES_PER_MATRIX_ENTRY = 24.0
 
 @dataclass(frozen=True)
 class TradeoffMember:
-    """One method to compute the impact, with its cost and accuracy, and results [SI units]."""
+    """One method to compute the impact, with cost, accuracy and results (SI units)."""
 
     family: str  # of the elements
     size: float  # mean size of the cells, the root of their mean volume (area, length)
@@ -96,17 +96,17 @@ class TradeoffMember:
     method: str = "antiosc"
     #: relative error bars of results; difference plus the finest bar where they are less
     bars: dict[str, float] = field(default_factory=dict)
-    whole: float | None = None  # `bar` with the error of the law; None where that is not known
+    whole: float | None = None  # `bar` with the error of the contact law; None if unknown
     #: proved relative error of the peak force by what the model leaves out; NaN if there is none
     proved: float = math.nan
 
     @property
     def force_bar(self) -> float:
-        """The relative error bar of the peak force alone; `bar` where it is not known."""
+        """The relative error bar of the peak force; `bar` if it is not known."""
         return self.bars.get("peak_force", self.bar)
 
     def cells(self) -> tuple[str, ...]:
-        """The cells of its row in the table."""
+        """The entries of its row in the table."""
         return (
             *(self.method, self.family, engineering(self.size, "m"), f"{self.order}"),
             *(f"{self.dofs}", f"{self.n or '–'}", engineering(self.step, "s")),
@@ -133,7 +133,7 @@ TABLE_COLUMNS = {
 
 
 def line_of(row: Sequence[str] = tuple(TABLE_COLUMNS)) -> str:
-    """A row of the printed table as text; by default its head."""
+    """A row of the printed table as text; default: the header."""
     cells = zip(row, TABLE_COLUMNS.values(), strict=True)
     return "".join(f"{x:>{w}}" if w > 0 else f"{x:<{-w}}" for x, w in cells)
 
@@ -153,7 +153,7 @@ class Tradeoff(Result):
     def best(self, tol: float | None = None, seconds: float | None = None) -> TradeoffMember:
         """The cheapest member whose bar is at most `tol`, or the most accurate within `seconds`.
 
-        Raises InputError unless one of both is given, and where no member meets it.
+        Raises InputError unless one of the two is given, and if no member meets it.
         """
         if (tol is None) == (seconds is None):
             raise InputError("best takes one of tol and seconds.")
@@ -181,7 +181,7 @@ class Tradeoff(Result):
 
     @property
     def front(self) -> tuple[TradeoffMember, ...]:
-        """The methods that no other exceeds in both speed and accuracy, the fastest first."""
+        """The methods for which no other is both faster and more accurate, the fastest first."""
         front: list[TradeoffMember] = []
         for member in sorted(self.table, key=lambda one: one.seconds):
             if not front or member.bar < front[-1].bar:
@@ -213,7 +213,7 @@ class Tradeoff(Result):
         return f"{sentence}{law} {self.hit.error_budget.law if best.whole is None else ''}".rstrip()
 
     def numbers(self) -> dict[str, object]:
-        """The tables, status, message and notes: name -> JSON value."""
+        """Tables, status, message and notes as JSON values by name."""
         table = [asdict(member) for member in self.table]
         others = [{**asdict(member), "bar": None} for member in self.others]
         tables = {"table": table, "others": others, "notes": list(self.notes)}
@@ -225,9 +225,9 @@ class Tradeoff(Result):
         return "\n".join([*map(line_of, rows), *self.notes])
 
     def plot(self, path: str | Path | None = None) -> Figure | Path:
-        """Bars and differences over seconds and over memory: the figure, or the file written.
+        """Figure of bars and differences over seconds and over memory; with `path` it is written.
 
-        A star is the member of `best(tol=self.tol)`, if there is one. Squares are other methods.
+        A star marks the member `best(tol=self.tol)`, if there is one. Squares are other methods.
         """
         figure = new_figure((9.0, 4.0), path is None)
         axes = figure.subplots(1, 2, sharey=True)
@@ -288,7 +288,7 @@ def tradeoff(
     compare: float | None = None,
     ready: Callable[[TradeoffMember], None] | None = None,
 ) -> Tradeoff:
-    """Error of the impact on a part against seconds and memory, down to a tolerance.
+    """Error of an impact on a part against computing time and memory, down to a tolerance.
 
     Parameters
     ----------
@@ -297,14 +297,14 @@ def tradeoff(
     initial_velocity, gravity, gap
         As for `strike`.
     tol : float
-        Relative error of peak force, impulse and contact time of interest; members are made until
+        Relative error of interest of peak force, impulse and contact time; members are made until
         one has half of it. A `Structure`, and a mesh that is not divided, have one mesh.
     compare : float, optional
-        Seconds that the unreduced model may take in time, on the mesh of `best(tol)`. If its
-        forecast is longer it is not run; `notes` say so.
+        Largest time [s] for running the unreduced model on the mesh of `best(tol)`. If its forecast
+        is longer, it is not run, and `notes` say so.
     ready : callable, optional
-        Called with each member as soon as it is computed, before its difference from the finest one
-        is known.
+        Called with each member as soon as it is computed, before its difference from the finest
+        member is known.
 
     Returns
     -------
@@ -381,7 +381,7 @@ class ComputedMember:
     member: TradeoffMember
 
     def compared_with(self, finest: ComputedMember) -> TradeoffMember:
-        """The member with its difference from the finest member, and with bars that cover it."""
+        """The member with its difference from `finest`, and with bars that cover this."""
         member = self.member
         by_name = relative_differences(finest.answer.hit, self.answer.hit)
         apart = max(by_name.values())
@@ -414,7 +414,7 @@ class ComputedMember:
 
 
 def _one_mesh_text(source: object, finest: ComputedMember, goal: float) -> str:
-    """Sentence on why there is only one mesh; "" if the history says why."""
+    """Sentence on why there is only one mesh; "" if the history's message says it."""
     if isinstance(source, Structure):
         return "Only one mesh was tried, that of the given structure."
     bar = finest.member.bar
@@ -430,7 +430,7 @@ def _one_mesh_text(source: object, finest: ComputedMember, goal: float) -> str:
 def _member_with_n(
     mesh: ComputedMember, run: RunFunction, accuracy: float, n: int
 ) -> ComputedMember | None:
-    """The member with `n` anti-oscillators on a mesh; None if its force exceeds its law."""
+    """The member with `n` anti-oscillators on a mesh; None beyond the contact law's range."""
     try:
         with without_warnings():  # it is tried: what it lacks is in its bar
             answer = answer_with_n(mesh.answer.structure, mesh.site, run, accuracy, n)

@@ -1,7 +1,7 @@
-"""The unreduced model of an impact: all dofs in time, by Newmark's average acceleration.
+"""The unreduced model of an impact: time integration of all dofs by Newmark's average acceleration.
 
-A = K + 4 M/h² is factored once. The displacement of the site is linear in the force, so a step is
-one solve with A and one scalar equation of the contact law.
+A = K + 4 M/h² is factorized once. The displacement of the site is linear in the force, so that a
+step takes one solve with A and one scalar equation of the contact law.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ STEPS_PER_CONTACT = 100
 
 @dataclass(frozen=True, eq=False)
 class UnreducedImpact:
-    """The impact of a rigid body on a part at rest, integrated without anti-oscillators."""
+    """The impact of a rigid body on a part at rest, computed without anti-oscillators."""
 
     structure: Structure
     load: Array  # load vector of the site
@@ -56,7 +56,7 @@ class UnreducedImpact:
 
 
 class ContactCurve(NamedTuple):
-    """A computed contact."""
+    """Force history of a computed contact."""
 
     time: Array  # (n,) [s]
     force: Array  # [N]
@@ -65,7 +65,7 @@ class ContactCurve(NamedTuple):
 
 
 class MethodOutcome(NamedTuple):
-    """The curve of a method, its seconds and its bytes."""
+    """The contact curve of a method, and its cost in seconds and bytes."""
 
     curve: ContactCurve
     seconds: float
@@ -75,7 +75,7 @@ class MethodOutcome(NamedTuple):
 def unreduced_impact(
     structure: Structure, site: Site, hit: History, duration: float
 ) -> UnreducedImpact:
-    """The impact of `hit` (of the raw model) on the unreduced structure, if it is linear."""
+    """The impact `hit`, for the unreduced structure; InputError unless it can be repeated there."""
     assembly = hit.assembly
     system = assembly.system
     part, ball = assembly.stacked.spans["structure"], assembly.stacked.spans["impactor"]
@@ -114,7 +114,7 @@ def factor_entries(structure: Structure) -> float:
 def run_unreduced(
     make_blow: Callable[[], UnreducedImpact], seconds: float, report: Callable[[str], None]
 ) -> MethodOutcome | str:
-    """Run the unreduced model, or say in a sentence why it was not run, as for over `seconds`."""
+    """Run the unreduced model; if it is not run (forecast > `seconds`), return the reason."""
     try:
         blow = make_blow()
         expected = blow.structure.seconds["assembly"]
@@ -132,7 +132,7 @@ def run_unreduced(
 
 
 def run_newmark(blow: UnreducedImpact) -> MethodOutcome:
-    """Newmark's average acceleration of all dofs, the contact force implicit."""
+    """Newmark's average acceleration for all dofs, with an implicit contact force."""
     structure = blow.structure
     start_time = clock() - structure.seconds["assembly"]
     process.require_memory(
@@ -194,7 +194,7 @@ def _end_rates(h: float, new: M, inertia_terms: M, v: M, a: M) -> tuple[M, M]:
 
 @dataclass(frozen=True)
 class CurveResults:
-    """Peak force [N], impulse [N s] and contact time [s] of a curve, as those of a `History`."""
+    """Peak force [N], impulse [N s] and contact time [s] of a curve, as in a `History`."""
 
     peak_force: float
     impulse: float
@@ -212,7 +212,7 @@ def curve_results(curve: ContactCurve) -> CurveResults:
 
 
 def _parabola_peak(force: Array) -> float:
-    """The highest value of the parabola through the highest node and its neighbours."""
+    """Highest value of the parabola through the largest sample and its neighbours."""
     k = int(np.argmax(force))
     if not 0 < k < len(force) - 1:
         return float(force[k])

@@ -67,14 +67,14 @@ class Call:
 
     @property
     def progress_text(self) -> str:
-        """What the call computes, as text for a display of progress."""
+        """Text on the computation of the call, for a display of progress."""
         if not self.place:
             return "evaluating the result"
         return PROGRESS_TEXTS.get(str(self.place[0]), f"computing [{place_text(self.place)}]")
 
     def mistake_of(self, error: Exception) -> tuple[Place, str]:
-        """(place, sentence) of an error that this call raised; the place is that of the argument
-        with which the error begins, if there is one.
+        """(place, sentence) of an error that this call raised; the place of the argument whose name
+        begins the error, if there is one.
         """
         known = isinstance(error, AntioscError)
         fault = str(error) if known else f"{type(error).__name__}: {error}"
@@ -224,9 +224,9 @@ class Builder:
         return [call for call in calls if call is not None]
 
     def calls_by_name(self, name: str, given_arguments: Table | None = None) -> dict[str, Call]:
-        """NAME -> call of the sections [x.NAME].
+        """Calls of the sections [x.NAME], by NAME.
 
-        `given_arguments`: those that other sections give.
+        `given_arguments`: arguments from other sections.
         """
         tables = self.section(name).items()
         calls = {
@@ -344,7 +344,7 @@ class Builder:
         )
 
     def _call_with_result(self, call: Call) -> Call | None:
-        """The call with its result, if no argument waits for the run; None after an error, which
+        """The call, with its result if no argument depends on the run; None after an error, which
         is noted.
         """
         if any(inner.result is None for inner in calls_in(call.arguments)):

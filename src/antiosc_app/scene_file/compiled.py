@@ -1,4 +1,4 @@
-"""Compiles a document: to the calls that it describes, or to the list of its mistakes."""
+"""Compiles a document into the calls that it describes, or the list of its mistakes."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ EXCLUDED_SECTIONS = (
 
 
 def _check_combinations(build: Builder) -> None:
-    """Note the sections that exclude each other, or lack another that they need."""
+    """Note sections that exclude each other, and sections that need a missing one."""
     sections = {name for name, value in build.data.items() if value or name != "sensors"}
     for names, alternatives, *without in NEEDED_SECTIONS:
         for name in names.split():
@@ -186,7 +186,7 @@ class AutoValues(NamedTuple):
 
 
 def with_initial_values(document: Document) -> Document:
-    """The document with first values in place of "auto", if it is an impact at one site."""
+    """The document with initial values instead of "auto", if it is an impact at one site."""
     if only_site_table(document) and any(
         isinstance(document.data.get(s), dict) for s in IMPACT_SECTIONS
     ):
@@ -201,7 +201,7 @@ def is_auto(document: Document, section: str, key: str) -> bool:
 
 
 def with_auto_values(document: Document, values: AutoValues) -> Document:
-    """The document with `values` in place of "auto"; itself if it has no "auto"."""
+    """The document with `values` instead of "auto"; unchanged if it has no "auto"."""
     data = dict(document.data)
     site = only_site_table(document)
 

@@ -69,7 +69,7 @@ class Mistakes:
     def _origin(self, place: Place) -> Place:
         """The place in [sweep] or [monte_carlo] from which the value at `place` comes.
 
-        Places without a varied value get that of the first one; without any, `place` itself.
+        A place without a varied value gets the place of the first one, or `place` if there is none.
         """
         for prefix, origin in self.varied_origins.items():
             if place[: len(prefix)] == prefix or prefix[: len(place)] == place:
@@ -100,7 +100,7 @@ class Document:
 
 
 def read_document(path: str | os.PathLike[str]) -> Document:
-    """Read a scene file; SceneFileError for a text that is not TOML, InputError for no file."""
+    """Read a scene file; SceneFileError if it is not TOML, InputError if there is no file."""
     source = checks.path("the scene file", path)
     text = _file_text(source)
     too_deep = TOO_DEEP_MESSAGE.format(source)
@@ -132,7 +132,7 @@ def checked_document(source: Path, data: dict[str, Any], text: str) -> Document:
 
 
 def _file_text(source: Path) -> str:
-    """The text of a scene file; InputError for one that is missing, too large or no UTF-8."""
+    """The text of a scene file; InputError if it is missing, too large or not UTF-8."""
     refused = f"cannot read the scene file {str(source)!r}"
     try:
         status = source.stat()
@@ -187,7 +187,7 @@ _NAME_IN_KEY = re.compile(r'"([^"]*)"|\'([^\']*)\'|([^\s."\']+)')
 
 
 def line_numbers_of(text: str, places: Iterable[Place]) -> list[int]:
-    """Line numbers of places in a TOML text; a place not found has that of the table around it."""
+    """Line numbers of places in a TOML text; for a place not found, that of its table."""
     lines: dict[Place, int] = {(): 1}
     counts: Counter[Place] = Counter()
     table: Place = ()
@@ -220,7 +220,7 @@ def _dotted_names(text: str) -> Place:
 
 
 def place_text(place: Place) -> str:
-    """A place as a user writes it: material, supports[2], sites.eye.point."""
+    """A place as text in the user's form: material, supports[2], sites.eye.point."""
     parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in place)
     return "".join(parts).removeprefix(".") or "the scene"
 
@@ -242,6 +242,6 @@ def spelling_suggestion(name: object, known: Iterable[str]) -> str:
 
 
 def names_text(names: Iterable[str]) -> str:
-    """The names as text, "a, b and c"; the first twenty of many."""
+    """The names (at most twenty) as text: "a, b and c"."""
     listed_names = list(names)
     return ", ".join([*listed_names[:20], *(["…"] if len(listed_names) > 20 else [])]) or "none"

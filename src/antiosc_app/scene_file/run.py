@@ -105,7 +105,7 @@ def communicator() -> MPI.Comm | None:
 def on_first_rank(work: Callable[[], T]) -> T:
     """Do `work` on the first rank; return its result, or raise its error, on all ranks.
 
-    For work on files: after an error on one rank alone, the others would wait for it for ever.
+    For work on files: after an error on only one rank, the others would wait for ever.
     """
     comm = communicator()
     if comm is None or comm.size == 1:
@@ -166,7 +166,7 @@ def varied_scene(
 
 
 def varied_values(build: Builder | CompiledScene) -> dict[Place, list[object]]:
-    """Place of a varied value in the scene -> its list in [sweep]."""
+    """Lists in [sweep] by the place of the varied value in the scene."""
     data = build.data if isinstance(build, Builder) else build.document.data
     table = data.get("sweep")
     if isinstance(table, dict):
@@ -216,9 +216,9 @@ MAX_BUDGETS = 50
 
 
 def budgets_of_rows(batch: Many, arguments: Table) -> list[ErrorBudget | None]:
-    """The error budget of each impact of a batch, None for one without.
+    """The error budget of each impact of a batch, None if it has none.
 
-    `arguments`: those of `simulate_many`, by name. Beyond MAX_BUDGETS impacts there are none.
+    `arguments`: arguments of `simulate_many` by name. More than MAX_BUDGETS impacts get none.
     """
     if len(batch) > MAX_BUDGETS:
         return [None] * len(batch)
@@ -235,7 +235,7 @@ def budgets_of_rows(batch: Many, arguments: Table) -> list[ErrorBudget | None]:
 
 
 def _budget_of_row(arguments: Table) -> ErrorBudget | None:
-    """The error budget of the impact by these arguments of `simulate`; None after an error."""
+    """The error budget of the impact with these arguments of `simulate`; None after an error."""
     with without_warnings():  # the batch has shown them
         try:
             return error_budget(antiosc.simulate(**arguments))
@@ -244,7 +244,7 @@ def _budget_of_row(arguments: Table) -> ErrorBudget | None:
 
 
 def error_budget(history: Any) -> ErrorBudget | None:
-    """The error budget of a history; None of a scene, or if cells are too large for it."""
+    """The error budget of a history; None for a scene, or if cells are too large for it."""
     if not isinstance(history, antiosc.History) or coarse_cell_sentence(history):
         return None
     return budget_of(history)
@@ -388,7 +388,7 @@ def monte_carlo_call(build: Builder, compiled: CompiledScene) -> Call | None:
 
 
 def _distributions(build: Builder, random_inputs: Table) -> dict[Place, Call | None]:
-    """Place of a random value in the scene -> call of its distribution, None after a mistake."""
+    """Calls of distributions (None after a mistake) by the place of the random value."""
     calls: dict[Place, Call | None] = {}
     for place, value in leaf_values(random_inputs):
         at: Place = ("monte_carlo", *place)
@@ -408,7 +408,7 @@ def _impact_of_values(
 ) -> Callable[..., tuple[object, ...]]:
     """The function that `monte_carlo` calls with values by name, such as impactor.velocity.
 
-    It returns (model, impactor, contact law, duration [s]); `places`: name -> place of the value.
+    It returns (model, impactor, contact law, duration [s]); `places`: places of values by name.
     """
 
     problems = build.document.mistakes

@@ -47,11 +47,11 @@ MISSING_SECTION: Any = None
 
 @dataclass(kw_only=True)
 class SceneObjects(Generic[T]):
-    """What the sections of a scene make, as calls or as results; None for a missing section.
+    """Objects of the sections of a scene, as calls or as results; None for a missing section.
 
     `batch` and `facts`: impacts of [sweep] and their error budgets; `sample`: runs of
     [monte_carlo]; `nominal`: the impact at the scene's own values; `peaks` and `worst`:
-    accelerometers and largest stress of `fall`; `found`: the blow of [find].
+    accelerometers and largest stress of `fall`; `found`: the impact of [find].
     """
 
     structure: T = MISSING_SECTION
@@ -101,9 +101,7 @@ class CompiledScene(SceneObjects[Call | None]):
 
 
 class Study(NamedTuple):
-    """A command: the field of its result, the message for a scene that lacks it, and the fields
-    to be made, in order.
-    """
+    """A command: field of its result, message for scenes without it, fields to make in order."""
 
     result: str
     missing_message: str
@@ -161,7 +159,7 @@ def structure_call(build: Builder) -> Call | None:
 
 
 def is_refined_by_strike(build: Builder) -> bool:
-    """Whether [strike] chooses the mesh; it does not if the scene has [attached] or [structure]."""
+    """Whether [strike] chooses the mesh, which needs a scene without [attached], [structure]."""
     mesh = {"geometry", "strike"} <= set(build.data)
     return mesh and not {"attached", "structure"} & set(build.data)
 
@@ -324,7 +322,7 @@ def set_single_impact(build: Builder, compiled: CompiledScene) -> None:
 
 
 def _is_geometry_file(read: Call) -> bool:
-    """Whether [strike] takes the file of [geometry] itself."""
+    """Whether [strike] reads the file of [geometry] itself."""
     options = set(read.arguments) - {"source"}
     suffix = Path(str(read.arguments.get("source"))).suffix.lower()
     return not options or (options <= {"size", "refine"} and suffix in GEOMETRY_ENDINGS)
@@ -354,7 +352,7 @@ def _with_second_order_forces(
 def _history_with_model(
     run: Callable[..., History], arguments: dict[str, Any], model: AntiOscillators
 ) -> History:
-    """The history by `run` (of an impact, or of a scene `self`) with `model` of the structure."""
+    """The history of `run` (an impact, or a scene `self`) with `model` of the structure."""
     scene = arguments.get("self")
     if scene is None:
         return run(model=model, **arguments)
@@ -424,7 +422,7 @@ def _contact_calls(build: Builder) -> list[Call | None]:
 
 
 def probe_times(history: History) -> Array:
-    """Times [s] of probes: those of the history, and evenly spaced ones, as flights have few."""
+    """Times [s] of probes: times of the history, and evenly spaced times for flights."""
     return np.union1d(history.time, np.linspace(0.0, history.time[-1], PROBE_TIME_COUNT))
 
 
@@ -437,7 +435,7 @@ SpectrumKey: TypeAlias = bool | float | Sequence[float]
 
 
 def place_arguments(probe: Call) -> dict[str, Any]:
-    """The arguments of a probe that say where it is."""
+    """The arguments of a probe that give its place."""
     return {key: probe.arguments[key] for key in PLACE_KEYS if key in probe.arguments}
 
 
@@ -450,7 +448,7 @@ def shock_of_probe(
 ) -> ProbeShock:
     """The shock response spectra of a probe, computed from its velocity.
 
-    `srs_key`: its key srs; `quantity` is not used; `arguments`: its other arguments.
+    `srs_key`: value of the key srs; `quantity` is not used; `arguments`: other arguments.
     """
     return shock_of(structure, history, _srs_frequencies(srs_key), **arguments)
 
@@ -463,7 +461,7 @@ def _srs_frequencies(srs_key: SpectrumKey) -> tuple[float, ...]:
 
 
 def set_requested(build: Builder, compiled: CompiledScene) -> None:
-    """Set the calls of [probes] and of [stress], by default of all criteria with a strength."""
+    """Set the calls of [probes] and of [stress]; default: all criteria with a strength."""
     part: Call | None = compiled.structure
     if compiled.is_strike and part is None:
         part = Call(lambda history: history.structure, {"history": compiled.history})
@@ -523,7 +521,7 @@ def _fields_to_tolerance(
     tol: float,
     **options: Any,
 ) -> dict[str, PeakField]:
-    """Quantity -> stress field of an impact, on meshes refined until its error is `tol`.
+    """Stress fields of an impact by quantity, on meshes refined until the error is `tol`.
 
     `options`: further arguments of `peak_field`.
     """
@@ -546,7 +544,7 @@ def with_smaller_cells(
 ) -> Structure:
     """The structure that `call` made, with cells of given size at places [(point, size [m])].
 
-    Meshes of [geometry] are made anew, cells of decks are bisected.
+    A [geometry] is meshed again; cells of decks are bisected.
     """
     geometry = next((one for one in calls_in(call) if one.place == ("geometry",)), None)
     if geometry is None:
@@ -560,7 +558,7 @@ def with_smaller_cells(
 
 
 def exchanged_call(call: Call, exchanged_calls: Mapping[Call, Call]) -> Call:
-    """A copy of `call` in which calls are replaced as `exchanged_calls` says.
+    """A copy of `call` in which calls are replaced according to `exchanged_calls`.
 
     Models in it are extracted without error estimates.
     """
@@ -593,7 +591,7 @@ def _check_srs(build: Builder, name: str, quantity: object, srs_key: SpectrumKey
 
 
 def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:
-    """Quantity -> stress field: of each criterion with a strength, else of von Mises stress."""
+    """Stress fields by quantity: each criterion with a strength, else von Mises stress."""
     with finite_element_packages():
         from antiosc.strikes.stress import fields_by_strength
     return fields_by_strength(structure, history)

@@ -1,7 +1,7 @@
-"""The schema of scene files: sections, what each of them makes, and its keys.
+"""The schema of scene files: sections, the callable of each of them, and its keys.
 
-The keys of a section are read from the signature of the callable that it makes, so that a new
-parameter becomes a key without changes here.
+The keys of a section are read from the signature of its callable, so that a new parameter becomes a
+key without changes here.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from antiosc.models.modal import as_damping
 
 @dataclass(frozen=True)
 class ValueForm:
-    """How a value of a file is converted to an argument; the callable checks it."""
+    """Conversion of a value of a file to an argument; the callable checks it."""
 
     is_path: bool = False  # a text names a file
     to_float: bool = False  # a whole number becomes a float, unless
@@ -72,11 +72,11 @@ PLAIN_FORM, FLOAT_FORM, WHOLE_FORM, ARRAY_FORM = (
 
 
 class UnknownType:
-    """Stands in annotations for names imported for type checkers only; no file can hold one."""
+    """Placeholder in annotations for names that only type checkers import; not for files."""
 
 
 class _Names(dict[str, object]):
-    """Names in annotations -> objects; UnknownType for names imported only for type checkers."""
+    """Objects by names in annotations; UnknownType for names imported only for type checkers."""
 
     def __missing__(self, name: str) -> object:
         definitions = (vars(module).get(name) for module in (builtins, typing, collections.abc))
@@ -189,14 +189,14 @@ def parameters_of(function: str) -> Mapping[str, SceneParameter]:
 
 
 def callable_of(function: str) -> Any:
-    """The public callable of a dotted name, as "Hertz.from_radii"; `Output` for "output"."""
+    """The public callable of a dotted name ("Hertz.from_radii"); `Output` for "output"."""
     if function == "output":
         return Output
     return functools.reduce(getattr, function.split("."), antiosc)
 
 
 def is_checking_only(function: str) -> bool:
-    """Whether a callable only checks and stores values, and is called while a scene is checked."""
+    """Whether a callable only checks and stores values, and may be called by a check of a scene."""
     class_name = function.partition(".")[0]
     return function in CHECKING_FUNCTIONS or (
         inspect.isclass(callable_of(class_name)) and class_name not in COMPUTING_CLASSES
@@ -272,9 +272,8 @@ JOINT_NAMES = "Bolt Bushing Equation Ball Hinge Slider Weld Mean Rigid Tie"
 class SceneSection:
     """One section of a scene file.
 
-    `names`: callables, separated by spaces, of which the key `kind` chooses one; `about`: what the
-    section describes; `given`: parameters that other sections give; `inner_sections`: sections
-    within it.
+    `names`: callables, separated by spaces, from which the key `kind` chooses; `about`: text on the
+    section; `given`: parameters from other sections; `inner_sections`: sections within it.
     """
 
     form: Literal["table", "list", "named", "text"]

@@ -1,4 +1,4 @@
-"""Replaces "auto" in scenes by numbers, by the rules of `antiosc.strikes.defaults`."""
+"""Replaces "auto" in scenes by numbers, with the rules of `antiosc.strikes.defaults`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ T = TypeVar("T")
 
 
 class SettledScene(NamedTuple):
-    """A scene with numbers in place of "auto", and the evaluation that knows its results."""
+    """A scene with numbers instead of "auto", and the evaluation with its results."""
 
     scene: CompiledScene
     evaluation: CachedEvaluation
@@ -42,8 +42,8 @@ def begin_settling(document: Document, cache: PartCache | None = None) -> Settle
 def settle(document: Document, begun: SettledScene | None = None) -> SettledScene:
     """The scene of a document with final values for "auto".
 
-    They suit the hardest striker of [sweep] or [monte_carlo]; `begun`: by `begin_settling`, if
-    known.
+    They suit the hardest striker of [sweep] or [monte_carlo]; `begun`: result of `begin_settling`,
+    if known.
     """
     begun = begun or begin_settling(document)
     scene, evaluate = begun
@@ -85,7 +85,7 @@ def repeat_until_enough(
     """Repeat `run` with more oscillators or longer; returns (last result, its values).
 
     `add_oscillators`: until there are enough oscillators; `extend_duration`: until the bodies have
-    parted.
+    separated.
     """
     from antiosc.impact.histories.site_motion import LONGER, parted
     from antiosc.strikes.defaults import expansion_of, next_count

@@ -1,4 +1,4 @@
-"""Shock response spectra of a probe, one of each component."""
+"""Shock response spectra of a probe, one for each component."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ MIN_SAMPLES, MAX_SAMPLES_TIMES_COUNT = 1001, 4_000_000
 class ProbeShock(NamedTuple):
     """Shock response spectra [m/s²] by component, from a velocity.
 
-    `reported_frequencies`: frequencies [Hz] at which values are reported; `filter`: that of the
-    probe.
+    `reported_frequencies`: frequencies [Hz] at which values are reported; `filter`: the probe's
+    filter.
     """
 
     spectra: Mapping[str, ShockSpectrum]
@@ -48,7 +48,7 @@ class ProbeShock(NamedTuple):
         return np.where(beyond & ~beyond.all(), 0.0, spectrum.maximax)
 
     def numbers(self) -> dict[str, Any]:
-        """Largest value, its component and frequency; under "at" those at asked ones."""
+        """Largest value, its component and frequency; under "at": at the reported frequencies."""
         name = self.component
         k = int(np.argmax(self._passed_spectrum(name)))
         spectrum = self.spectra[name]

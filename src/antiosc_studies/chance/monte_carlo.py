@@ -31,7 +31,7 @@ RunResults = dict[str, float] | str
 def normal(mean: float, sigma: float | None = None, *, variation: float | None = None) -> Any:
     """The normal distribution of this mean and standard deviation, both in the input's unit.
 
-    `variation`, in place of `sigma`: the standard deviation over the mean, as of `lognormal`.
+    `variation` may be given instead of `sigma`: standard deviation over mean, as for `lognormal`.
     Returns a frozen distribution of scipy.stats, as do `lognormal` and `uniform`.
     """
     from scipy.stats import norm
@@ -148,18 +148,18 @@ def monte_carlo(
         A function of the inputs' names. It returns the arguments of `simulate`, (model, impactor,
         contact, duration), and the impacts are then simulated in batches; or a `History`; or
         numbers by name; or one number. Create objects that no input changes, such as a model, once
-        outside of it. An AntioscError that it raises is stored as the failure of that run.
+        outside of it. If it raises an AntioscError, the run counts as failed with this message.
     inputs : dict
-        Name -> distribution: `normal`, `lognormal`, `uniform`, any frozen one of scipy.stats; a
-        sequence of values that are equally probable (points, models, laws); or an `ImpactMap`: the
-        function is given the model at a site of its surface, drawn by area.
+        Name -> distribution: `normal`, `lognormal`, `uniform`, or any frozen distribution of
+        scipy.stats; a sequence of equally probable values (points, models, laws); or an
+        `ImpactMap`, for which the function gets the model at a site that is drawn by area.
     n : int
         Number of runs.
     seed : int
         Seed of the draws. With the same seed and a larger n, the first runs stay the same.
     quantiles : sequence of floats
-        Shares of the results below the quantiles that tables and pictures tell: by default the
-        median and the ends of the middle 90 %; 0.99 has 1 % of the results above it.
+        Probabilities of the quantiles in tables and pictures; default: the median and the ends of
+        the middle 90 %. 1 % of the results are above the quantile 0.99.
 
     Returns
     -------
@@ -173,9 +173,9 @@ def monte_carlo(
     Raises
     ------
     InputError
-        For inputs that are no distributions, and a `run` that returns something else.
+        Inputs that are not distributions; a `run` that returns something else.
     AntioscError
-        If all runs fail, or the first ten with one message.
+        All runs fail, or the first ten fail with the same message.
     """
     checks.function("run", run, "a function of the inputs")
     by_name = checked_inputs(inputs)
@@ -200,7 +200,7 @@ def monte_carlo(
 
 
 def _refuse_if_all_failed(first: list[RunResults], size: int) -> None:
-    """AntioscError if all of the first of `size` runs have failed with one message."""
+    """AntioscError if the first runs (of `size`) have all failed with the same message."""
     if isinstance(first[0], str) and first.count(first[0]) == len(first):
         raise AntioscError(
             f"the first {len(first)} of {size} runs failed alike, and the others were not begun:"
@@ -209,7 +209,7 @@ def _refuse_if_all_failed(first: list[RunResults], size: int) -> None:
 
 
 def rows_of_runs(run: Callable[..., Any], arguments: list[dict[str, Any]]) -> list[RunResults]:
-    """Results of some runs; impacts that `run` returns as arguments go in one batch."""
+    """Results of some runs; if `run` returns arguments, all impacts are simulated in one batch."""
     rows: list[RunResults] = [""] * len(arguments)
     scenes: dict[int, tuple[object, ...]] = {}
 

@@ -1,14 +1,14 @@
 """Makes the free body of a falling part: rigid inertia, free modes, points that may touch.
 
-All vectors are in axes fixed to the body whose origin is its centre of mass. The elastic
-displacement of a point is sum_j phi_j q_j with mass-normalised free modes, to which a point of
-contact adds the residual compliance r of the omitted modes,
+All vectors are in axes fixed to the body with the centre of mass as origin. The elastic
+displacement of a point is sum_j phi_j q_j with mass-normalised free modes, to which a contact point
+adds the residual compliance r of the omitted modes,
 
     r = B'(K + sM)^-1 B - sum_j phi_j phi_j'/(omega_j^2 + s),
 
-where B are the unit loads of its patch in three directions and s the shift of the structure. The
-compliance of a smooth solid's patch as part of a half-space is subtracted from r, since Hertz's law
-contains it.
+where B are the unit loads of its patch in three directions and s the shift of the structure. On a
+smooth solid the half-space compliance of the patch is subtracted from r, since Hertz's law contains
+it.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ DAMPING_RATIO = 0.01
 
 
 def free_body(part: Any, mode_count: int, damping: Any, corner_radius: float | None) -> FreeBody:
-    """The free body of a `Structure`, a `RigidBody` or a `Sphere`; InputError for anything else."""
+    """The free body of a `Structure`, a `RigidBody` or a `Sphere`; InputError for other objects."""
     model_damping = as_damping(damping)
     if isinstance(part, FreeBody):
         return part
@@ -158,7 +158,7 @@ def _elastic_body(
 
 
 def _facets(skin: Skin, hull_points: IntArray, sharp: BoolArray) -> dict[int, Array]:
-    """Index of a sharp hull vertex -> two edges of each facet from there (n, 2, 3) [m]."""
+    """Two edges of each facet (n, 2, 3) [m] at a sharp hull vertex, by index of the vertex."""
     if not len(skin.triangles):
         return {}
 
@@ -177,7 +177,7 @@ def _facets(skin: Skin, hull_points: IntArray, sharp: BoolArray) -> dict[int, Ar
 
 
 def _least_dimension(structure: Structure, skin: Skin) -> float:
-    """Least dimension of a part [m]; for nodes alone, the least nonzero side of their box."""
+    """Least dimension of a part [m]; for nodes without a mesh, the least side > 0 of their box."""
     matrices: Any = structure.matrices
     if not matrices.located:
         return structure.dimensions[2]

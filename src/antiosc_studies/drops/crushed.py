@@ -1,9 +1,9 @@
 """The contact law of a sharp corner that the floor presses flat, F = max(ball, 2.4 Y × cut) ± 40 %.
 
-At first a sharp corner touches as a ball of the corner's radius. When it is deeper in the floor,
-the edges and faces beside the ball carry load too: the mean pressure of the ball, at most 2.4 times
-the yield strength Y, acts on the whole section of the part by the floor plane (the cut). The part
-is the cone of the facets at the corner, without the tip that the ball rounds off.
+At first a sharp corner touches as a ball of the corner's radius. At larger indentations the edges
+and faces beside the ball carry load too: the mean pressure of the ball, at most 2.4 times the yield
+strength Y, acts on the whole cross-section of the part in the floor plane (the cut). The part is
+taken as the cone of the facets at the corner, without the tip that the ball rounds off.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def _available_work(body: FreeBody, start: State, position: Array) -> float:
 def crushed_law(ball: ElasticPlastic, area_factor: float, tip: float, work: float) -> ContactLaw:
     """The contact law of a corner that the floor presses flat.
 
-    ball : law of the ball in the corner; it is returned if its force is larger after the work
-    `work` [J]; area_factor : `cut_area_factor`; tip : `tip_height` [m].
+    ball : law of the ball in the corner, which is returned if its force after the work `work` [J]
+    is larger; area_factor : `cut_area_factor`; tip : `tip_height` [m].
     """
     depths = DEPTH_RATIOS * _depth_after(ball, work)
     of_ball = ball.forces_at_rest(depths, ball.touch(1.0))

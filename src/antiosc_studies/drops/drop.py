@@ -61,22 +61,22 @@ def drop(
     Parameters
     ----------
     part : Structure, RigidBody, Sphere or FreeBody
-        The part, free in space, without supports; z of its mesh points up. A Structure is one of a
-        mesh, an assembly, or matrices with coordinates; a RigidBody touches with its sites. The
-        `body` of another fall is accepted too; it has its modes, damping and corner_radius.
+        The part, without supports; z of its mesh points up. A Structure may have a mesh, be an
+        assembly, or have matrices with coordinates; a RigidBody touches with its sites. The `body`
+        of another fall is accepted too, with its modes, damping and corner_radius.
     height : float
-        Height of the lowest point over the floor [m].
+        Height of the lowest point above the floor [m].
     tilt : (a, b, c)
         Rotations [degree] about the x, then the y, then the z axis before the fall, applied after
         the orientation by face, edge, corner or toward.
     floor : Floor, optional
         Default: rigid, without friction.
     until : "rest", int or float
-        When the fall ends: at rest, after a number of impacts, or at a time [s]. The part is at
-        rest on points around its centre of mass when the energy that the floor could still take
-        from its rigid motion is at most that of a lift by 0.1 % of the height: a ball that rolls,
-        and a part that slides without friction, are at rest. "rest" also ends after 200
-        impacts or 600 contacts.
+        End of the fall: at rest, after a number of impacts, or at a time [s]. The part is at rest
+        if it touches with points around its centre of mass, and the floor can absorb no more
+        energy from its rigid motion than a lift by 0.1 % of the height takes: a rolling ball, and
+        a part that slides without friction, are at rest. "rest" also ends after 200 impacts or 600
+        contacts.
     face, edge, corner : str, optional
         Lowest face, edge or corner, with the centre of mass above it: "-z", "-x-z", "+x-y-z" name
         extremes of the part in the axes of its mesh; a face may also be the name of a group.
@@ -85,7 +85,7 @@ def drop(
     spin, velocity : (x, y, z)
         Initial spin [rad/s] and velocity of the centre [m/s], in the axes of the floor.
     gravity : float
-        [m/s^2].
+        Acceleration of gravity [m/s^2].
     damping : float, sequence or Damping, optional
         Damping of the free modes; default: a ratio of 1 %.
     modes : int
@@ -94,7 +94,7 @@ def drop(
         Radius [m] of sharp corners and edges; default 1 mm, at most a quarter of the part's least
         dimension.
     tol : float
-        Relative error of the contact forces in an impact, all contacts together.
+        Relative error of the contact forces in an impact, for all contacts together.
     ensemble : Tilts, optional
         Random variation: n falls are computed, and `Many` is returned.
     n, seed
@@ -107,16 +107,16 @@ def drop(
     Raises
     ------
     InputError
-        For a part with supports, one without points or materials, values out of range, and a soft
-        layer under a part with edges.
+        A part with supports, or without points or materials; values out of range; a soft layer
+        under a part with edges.
 
     Warns
     -----
     AccuracyWarning
-        A spin above 2 % of the lowest natural frequency, which stiffens the part; a fall that
+        A spin above 2 % of the lowest natural frequency, which would stiffen the part; a fall that
         does not come to rest; contact forces that miss `tol` after 50 000 steps; a layer that is
-        pressed in deeper than 0.3 of the radius of a round point; falls of an ensemble that
-        failed, or for which one of these is true.
+        indented by more than 0.3 of the radius of a round point; falls of an ensemble that failed,
+        or to which one of these applies.
     """
     setting = Setting(
         as_floor(floor),

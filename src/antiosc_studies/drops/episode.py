@@ -1,7 +1,7 @@
 """An episode of contact: a scene of the body and the floor, with the points that may touch.
 
-The scene starts with the modal state of the flight and runs on the path of the rotating body (see
-`path`). The next flight starts from the final state of the episode (`final_state`).
+The scene starts with the modal state of the flight and is integrated along the path of the rotating
+body (see `path`). The next flight starts from the final state of the episode (`final_state`).
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ DURATION_GROWTH = 1.5
 def final_state(
     touch: Touch, history: SceneHistory, path: Path, indices: IntArray
 ) -> tuple[State, dict[int, OngoingContact]]:
-    """The state at the end of a path, and index of a point -> its contact, if that continues.
+    """(state at the end of a path, contacts that continue by index of their point).
 
-    Open contacts with a dent are included, unless all contacts are open. Centre and
-    orientation are those of the path; momentum, angular momentum and modes are those of the scene,
-    so that the energy is that of the path.
+    Open contacts with a dent are included, unless all contacts are open. Centre and orientation are
+    taken from the path, momentum, angular momentum and modes from the scene, so that the energy is
+    that of the path.
     """
     a = history.assembly
     record = history.run
@@ -139,9 +139,9 @@ class Episode:
 
     @property
     def error(self) -> float:
-        """Estimated relative error of the forces; inf if the march stopped at the end.
+        """Estimated relative error of the forces; inf if the integration stopped before the end.
 
-        A run that stopped in the flight after the end has no estimate: 0.
+        A run that stopped in the flight after the end has no estimate; the error is then 0.
         """
         largest = max(self.history.error.values())
         in_flight = self.duration < float(self.history.time[-1]) * (1 - 1e-12)
@@ -155,9 +155,9 @@ class Episode:
         )
 
     def motion(self, t: Array) -> tuple[Array, Array, Array, Array]:
-        """Orientations (n, 3, 3), spins (n, 3), angular accelerations (n, 3) by the torques, and
-        modal accelerations (n, 6 + J) at times (n,) since the start; spins and angular
-        accelerations in the axes of the body.
+        """(orientations (n, 3, 3), spins (n, 3), angular accelerations (n, 3) due to torques, modal
+        accelerations (n, 6 + J)) at times (n,) since the start; spins and angular accelerations in
+        the axes of the body.
         """
         end = max(self.duration, t.max(initial=0.0))
         times = np.union1d(np.linspace(0.0, end, ROTATION_SAMPLES + 1), t)
@@ -175,13 +175,13 @@ class Episode:
         return R, spin, turning, a
 
     def forces(self) -> tuple[Array, Array]:
-        """Times (n,) [s] since the start, and normal forces (n, sites) [N], up to the end."""
+        """(times (n,) [s] since the start, normal forces (n, sites) [N]), up to the end."""
         record = self.history.run
         within = record.time <= self.duration * (1 + 1e-12)
         return record.time[within], np.maximum(record.force[within, : len(self.indices)], 0.0)
 
     def peak_force(self) -> float:
-        """Largest sum of the normal forces [N], of the parabolas through the nodes of the steps."""
+        """Largest sum of the normal forces [N], by the parabolas through the nodes of the steps."""
         total = self.forces()[1].sum(axis=1)
         first, middle, last = total[:-2:2], total[1:-1:2], total[2::2]
         slope = 4 * middle - 3 * first - last
@@ -206,7 +206,7 @@ def run_episode(
 ) -> Episode:
     """The episode that begins at `start`, with the contacts that continue from the previous one.
 
-    ongoing : index of a point -> its contact; previous_duration : of that episode [s].
+    ongoing : contacts by index of the point; previous_duration : previous episode's duration [s].
     """
     touch = Touch.of(body, start)
     heights = start.heights(body)
@@ -234,7 +234,7 @@ def run_episode(
 def _candidates(touch: Touch, heights: Array, duration: float, ongoing: list[int]) -> IntArray:
     """Indices of points that may touch within a duration [s]: `ongoing`, then the lowest points.
 
-    Points that share a contact with one of these are left out.
+    Points that share a contact with a chosen point are left out.
     """
     body, start, *_ = touch
     arms = start.positions(body)
@@ -254,11 +254,11 @@ def _candidates(touch: Touch, heights: Array, duration: float, ongoing: list[int
 
 
 def _sharing_contact(body: FreeBody, indices: list[int]) -> BoolArray:
-    """(V,) mask of the points that share a contact with one of those at `indices`.
+    """Mask (V,) of the points that share a contact with a point in `indices`.
 
-    Points of a solid share a contact if they are close together and face the same way, as on a
-    round edge, or belong to one ball, or lie on one rounded corner. Two corners of a slender
-    bar are two contacts.
+    Points of a solid share a contact if they are close together and face the same direction (as on
+    a round edge), belong to one ball, or lie on one rounded corner. Two corners of a slender bar
+    are two contacts.
     """
     touching = np.zeros(len(body.points), dtype=bool)
     touching[indices] = True

@@ -84,7 +84,7 @@ class Fall(Result):
 
     Attributes
     ----------
-    body : the free modes of the part; `drop` accepts it in place of the part.
+    body : the free body of the part; `drop` accepts it instead of the part.
     setting : floor, gravity and tolerances of the fall.
     start, end : position, orientation, velocity and spin at the start and at the end.
     episodes : the episodes of contact in order. Each scene is linear about the orientation at its
@@ -112,9 +112,9 @@ class Fall(Result):
         return Impacts(impact_of(self.body, gravity, landed) for landed in self._contacts)
 
     def energy(self) -> tuple[Array, Array]:
-        """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
+        """(times (n,) [s] of all touches and releases, energies (n, 4) [J] there).
 
-        The columns: rigid motion, vibration, height of the centre, contacts.
+        Columns: rigid motion, vibration, height of the centre, contacts.
         """
         rows = [(self.start, 0.0)]
         for contact in self.episodes:
@@ -145,7 +145,7 @@ class Fall(Result):
         return 1 if self.missed else 0
 
     def numbers(self) -> dict[str, object]:
-        """The impacts, and how and when the fall ended: name -> JSON value."""
+        """The impacts, and the end of the fall and its time, as JSON values by name."""
         ending = {"duration": float(self.end.time), "status": self.status, "message": self.message}
         return {"impacts": self.impacts.numbers(), "peak_force": self.peak_force, **ending}
 
@@ -162,7 +162,7 @@ class Fall(Result):
 
     @property
     def fastest_spin(self) -> float:
-        """Largest spin [rad/s] in the flights: at the start, and before and after the impacts."""
+        """Largest spin [rad/s] in the flights: at the start, and before and after impacts."""
         spins = [impact.spin_before for impact in self.impacts]
         spins += [impact.spin_after for impact in self.impacts]
         return float(max(np.linalg.norm(spin) for spin in [self.start.spin(self.body), *spins]))
@@ -240,7 +240,7 @@ class Fall(Result):
 
     @property
     def _last_time(self) -> float:
-        """Time [s] up to which the motion is computed: its end plus the memory of the filters."""
+        """Time [s] up to which the motion is computed: end of the fall plus memory of filters."""
         return self.end.time + max(map(filter_memory, CLASS_FREQUENCIES))
 
     def _located_point(self, at: Location) -> tuple[Array, Array]:
@@ -303,8 +303,8 @@ class Fall(Result):
         return max(peaks, key=float)
 
     def _peak_in(self, k: int, at: Location, filter: str | None) -> Peak:
-        """The largest acceleration at a point in impact `k`, from the middle of the flight before
-        to that of the flight after it.
+        """The largest acceleration at a point in impact `k`, between the middles of the flights
+        before and after it.
         """
         t, a = self.signal(at, k, filter=filter)
         own = (t >= self._middle_before(k)) & (t <= self._middle_before(k + 1))
@@ -320,15 +320,15 @@ class Fall(Result):
 
     @cached_property
     def shocks(self) -> tuple[Peak, ...]:
-        """The largest acceleration of the centre of mass in each impact, through CFC1000: all
-        forces over the mass, as of a rigid part.
+        """The largest acceleration of the centre of mass in each impact, filtered by CFC1000: the
+        sum of forces over the mass, as for a rigid part.
         """
         return tuple(self._peak_in(k, None, SHOCK_FILTER) for k in range(len(self.impacts)))
 
     @cached_property
     def dents(self) -> Array:
-        """Depth (n,) of the deepest dent of each impact [m]; NaN without one, and where it is not
-        known.
+        """Depth (n,) [m] of the deepest dent of each impact; NaN without a dent, or if it is
+        unknown.
         """
         return np.array([landed.deepest_dent for landed in self._contacts])
 
@@ -370,10 +370,10 @@ class Fall(Result):
         quantity : str
             As for `peak_field`, as are further options.
         impacts : sequence of int, optional
-            Numbers of the impacts from 0; default: all, and with `tol` the hardest.
+            Numbers of the impacts from 0; default: all, or with `tol` the one of largest force.
         tol : float, optional
-            Largest bar of the stress by the mesh, relative: the cells become smaller where it is
-            wider, and the part falls again until these impacts, as in `strike(…, stress_tol=…)`.
+            Largest relative mesh error of the stress: cells are refined where it is larger, and the
+            fall is repeated up to these impacts, as in `strike(…, stress_tol=…)`.
         finer : callable, optional
             Makes the part with smaller cells at places ((x, y, z), size) [m]; default: straight
             triangles and tetrahedra are bisected.
@@ -438,7 +438,7 @@ class Fall(Result):
         finer: Callable[[Sequence[Refinement]], Structure] | None,
         options: dict[str, Any],
     ) -> WorstField:
-        """`worst` of these impacts, by default the hardest, with an error bar of at most `tol`."""
+        """`worst` of these impacts (default: largest force), with an error bar of at most `tol`."""
         from antiosc.strikes.stress import closed, divided
 
         structure: Any = self.body.structure
@@ -476,7 +476,7 @@ class Fall(Result):
 
     @property
     def flat(self) -> str:
-        """Sentence if a face lands flat, for which the method does not hold; else ""."""
+        """Sentence if a face lands flat, for which the method is not valid; else ""."""
         flat = [str(k) for k, landed in enumerate(self._contacts, 1) if landed.lands_flat]
         if not flat:
             return ""
@@ -507,7 +507,7 @@ class Fall(Result):
 
     @property
     def _breaking_note(self) -> str:
-        """Sentence on how the materials of the part break; "" if nothing is known."""
+        """Sentence on cracking and fracture of the part's materials; "" if nothing is known."""
         known = {name: record(name) for m in self.body.matters if (name := m.name) in names()}
         told = [f"{name}: {one.breaks}" for name, one in known.items() if one.breaks]
         return "; ".join(["whether the part breaks is not computed", *told]) if told else ""
@@ -535,7 +535,7 @@ class Fall(Result):
         return None if self.hardest is None else self.impacts[self.hardest].law_error
 
     def no_bar(self, impact: int = 0) -> str:
-        """Why the impact of this number, from 0, has no error bar, and what helps; "" if it has."""
+        """Why the impact of this number (from 0) has no error bar, and the remedy; else ""."""
         self._episodes_of(impact)
         return self._contacts[impact].no_error_reason
 
@@ -552,14 +552,14 @@ class Fall(Result):
     # -- text and pictures
 
     def summary(self) -> str:
-        """The impacts as a table, the hardest of them, and how the fall ended."""
+        """The impacts as a table, the hardest impact, and the end of the fall."""
         ended = f"{self.message} at {self.end.time:.4g} s"
         hardest = f"the hardest is {self._hardest_text}" if self.impacts else ""
         return "\n".join(filter(None, [self.flat, str(self.impacts), hardest, ended, *self.notes]))
 
     @property
     def _hardest_text(self) -> str:
-        """Text: the hardest impact, its force and the error bar of it."""
+        """Text: the hardest impact, its force and the force's error bar."""
         bar = f" ± {percent(self.law_error)}" if self.law_error else ""
         return f"impact {(self.hardest or 0) + 1}, {engineering(self.peak_force, 'N')}{bar}"
 

@@ -1,12 +1,12 @@
 """Free flight: exact rigid motion with large rotations, free vibration, and the next touch.
 
-The floor is the plane z = 0, gravity points along -z. The orientation is that of a free rotation.
-The modes vibrate freely in the axes of the body: stiffening by the spin is neglected, which holds
-while the spin is small against the lowest natural frequency.
+The floor is the plane z = 0, gravity points along -z. The body rotates freely. The modes vibrate
+freely in the axes of the body; stiffening by the spin is neglected, which is valid if the spin is
+small against the lowest natural frequency.
 
-The height of a point over the floor is bounded from below by its rigid height minus the largest
-elastic displacements that the energies of the modes allow. Only while this bound is below the
-floor, the motion is sampled in steps that resolve the modes, and the touch is located.
+The height of a point above the floor is bounded from below by its rigid height minus the largest
+elastic displacement that the energies of the modes allow. Only while this bound is below the floor,
+the motion is sampled in steps that resolve the modes, and the touch is located.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def free_rotation(
 
 
 def _tumbling(I: Array, axes: Array, R: Array, momentum: Array) -> Callable[[Array], Array]:  # noqa: E741
-    """`free_rotation` about no principal axis, by Jacobi's elliptic functions."""
+    """`free_rotation` about an axis that is not principal, by Jacobi's elliptic functions."""
     from scipy.special import ellipj, ellipkinc
 
     size = float(np.linalg.norm(momentum))
@@ -84,7 +84,7 @@ def _tumbling(I: Array, axes: Array, R: Array, momentum: Array) -> Callable[[Arr
     drift = size * (I[2] - I[0]) / (I[0] * I[2] * rate)
 
     def frames_in_body(u: Array) -> tuple[Array, Array]:
-        """Axes (n, 3, 3) in the body, elliptic integrals of the third kind (n,), at arguments u.
+        """(axes (n, 3, 3) in the body, elliptic integrals of the third kind (n,)) at arguments u.
 
         The columns of the axes are the line of nodes, L × this line, and the direction of L.
         """
@@ -191,7 +191,7 @@ class Flight:
         self.orientation = free_rotation(*body.principal_inertia, start.R, start.momentum)
 
     def longest_duration(self) -> float:
-        """Time [s] within which a point touches: after it the whole body is below the floor."""
+        """Time [s] within which a point must touch, as later the whole body is below the floor."""
         v = float(self.start.velocity[2])
         z = max(float(self.start.centre[2]), 0.0)
         depth = LOWEST_HEIGHT * self.body.extent + float(self._bounds(np.zeros(1)).max())
@@ -269,7 +269,7 @@ class Flight:
     ) -> float | None:
         """Time [s] of the first touch of one of these points in an interval, or None.
 
-        parted : (V,) whether a point has parted and not yet left the floor; it is updated.
+        parted : (V,) whether a point was released and has not yet left the floor; it is updated.
         """
         frequency = self._highest_frequency(start)
         count = max(int(np.ceil((end - start) * PERIOD_SAMPLES * frequency / (2 * np.pi))), 2)

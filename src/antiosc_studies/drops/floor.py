@@ -26,19 +26,19 @@ LARGEST_LOSS = 1.0
 
 @dataclass(frozen=True)
 class SoftLayer(FieldsRepr):
-    """A soft sheet on a rigid floor, thin against the area of contact, for parts that are round
-    where they land (`drop` refuses others).
+    """A soft sheet on a rigid floor, thin compared with the contact, for parts that are round where
+    they land (`drop` refuses other parts).
 
     Parameters
     ----------
     thickness : float
-        [m].
+        Thickness [m].
     E : float
-        Modulus across the sheet [Pa]: Young's modulus of foam or felt; the larger modulus of
-        confined compression of rubber that cannot move sideways.
+        Modulus across the sheet [Pa]: Young's modulus for foam or felt; for rubber that cannot move
+        sideways the larger modulus of confined compression.
     loss : float
-        Loss factor: the energy dissipated in a cycle over 2 pi times the stored energy. A bounce
-        leaves exp(-pi loss) of the energy, like half a cycle of a spring with this loss factor.
+        Loss factor: energy dissipated in a cycle over 2 pi times the stored energy. A bounce leaves
+        exp(-pi loss) of the energy, like half a cycle of a spring with this loss factor.
     """
 
     thickness: float
@@ -68,7 +68,7 @@ def layer_law(layer: SoftLayer, stiffness: float, exponent: float) -> ContactLaw
 class Floor(FieldsRepr):
     """The floor of a fall: the plane z = 0, the surface of a half-space or a rigid ground.
 
-    Under an elastic floor, as a plate, the impact is a `Scene` of the part and its model.
+    For an impact on an elastic floor, such as a plate, use a `Scene` with models of both.
 
     Parameters
     ----------
@@ -77,12 +77,12 @@ class Floor(FieldsRepr):
     friction : float
         Coulomb's coefficient.
     restitution : float, optional
-        Coefficient of restitution of the contact alone, as between rigid bodies (Gonthier's law);
-        None: elastic. Energy that goes into vibrations of the part is lost in addition.
+        Coefficient of restitution of the contact only, as between rigid bodies (Gonthier's law);
+        None: elastic. Energy of vibrations of the part is lost in addition.
     layer : SoftLayer, optional
-        A soft sheet on top, in place of the half-space.
+        A soft sheet on top, instead of the half-space.
     law : ContactLaw, optional
-        Contact law of every contact, in place of the one from curvatures and materials.
+        Law of every contact, instead of the law from curvatures and materials.
     """
 
     material: Any = None
@@ -125,7 +125,7 @@ class Floor(FieldsRepr):
 
     @property
     def rigid(self) -> bool:
-        """Whether it is rigid: without a material, a layer and a law."""
+        """Whether the floor is rigid: without material, layer and law."""
         return all(x is None for x in (self.material, self.layer, self.law))
 
     @cached_property
@@ -135,7 +135,7 @@ class Floor(FieldsRepr):
 
 
 def as_floor(floor: object) -> Floor:
-    """The argument `floor` as a Floor (None: rigid); InputError if it is none, with an example."""
+    """The argument `floor` as a Floor (None: rigid); InputError, with an example, if invalid."""
     if isinstance(floor, Floor):
         return floor
     if floor is None:
@@ -182,7 +182,7 @@ def contact_law(floor: Floor, surface: Surface) -> ContactLaw:
 
 
 def law_choice(floor: Floor, surface: Surface) -> Choice:
-    """The law for the contact of a surface with the material of the floor, and its reasons."""
+    """The choice of a law for a surface and the material of the floor, with its reasons."""
     if surface.matter.rigid and floor.face.matter.rigid:
         raise InputError(
             "a rigid part on a rigid floor has no law of contact: give the floor a material, a "
@@ -204,7 +204,7 @@ def law_at(body: FreeBody, floor: Floor, index: int) -> ContactLaw:
 
 
 def touch_law(body: FreeBody, start: State, floor: Floor, index: int, r: Array) -> ContactLaw:
-    """The contact law of a point that touches in a state; that of a sharp corner is `corner_law`.
+    """The contact law of a point that touches in a state; `corner_law` for a sharp corner.
 
     r : position (3,) of the point relative to the centre of mass [m].
     """

@@ -27,7 +27,7 @@ Patch: TypeAlias = tuple[Array, Array, Array]
 
 @dataclass(eq=False)
 class FreeBody:
-    """A free body with the points that may touch, V of them."""
+    """A free body with V points that may touch."""
 
     mass: float  # mass of the body [kg]
     inertia: Array  # (3, 3) inertia about the centre of mass [kg m^2]
@@ -74,7 +74,7 @@ class FreeBody:
 
     @property
     def mode_sizes(self) -> Array:
-        """(V, J) magnitudes of the displacements of the points in the modes [kg^-1/2]."""
+        """Magnitudes (V, J) of the displacements of the points in the modes [kg^-1/2]."""
         return np.asarray(np.linalg.norm(self.shapes, axis=2))
 
     def rigid_modes(self, R: Array) -> tuple[Array, Array]:
@@ -103,7 +103,7 @@ class FreeBody:
 
     @property
     def matters(self) -> list[Matter]:
-        """The known materials of its surface, without repetition."""
+        """The known materials of the surface, without repetition."""
         materials = self.materials if self.skin is None else self.skin.materials
         return [m for m in {id(m): m for m in materials}.values() if not m.rigid]
 
@@ -148,7 +148,7 @@ class State:
     def positions(self, body: FreeBody, indices: Indices = slice(None)) -> Array:
         """Positions (n, 3) [m] of the points relative to the centre, in the axes of the floor.
 
-        The point of a ball is its lowest one.
+        For a ball it is the lowest point.
         """
         displaced = body.points[indices] + np.einsum("njd,j->nd", body.shapes[indices], self.q)
         arms = displaced @ self.R.T
@@ -160,7 +160,7 @@ class State:
         return np.asarray(self.centre[2] + self.positions(body)[:, 2])
 
     def energies(self, body: FreeBody, gravity: float) -> tuple[float, float, float]:
-        """Energies [J]: kinetic of the rigid motion, of the vibration, and potential by gravity."""
+        """(kinetic energy of the rigid motion, energy of vibration, potential by gravity) [J]."""
         rigid = 0.5 * body.mass * self.velocity @ self.velocity
         rigid += 0.5 * self.momentum @ self.spin(body)
         elastic = 0.5 * (self.p @ self.p + (body.omega * self.q) @ (body.omega * self.q))

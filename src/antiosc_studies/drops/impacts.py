@@ -18,7 +18,7 @@ from antiosc_studies.drops.yielding import PointContacts
 
 @dataclass(frozen=True, eq=False)
 class FallImpact:
-    """One impact: contacts that follow within the longest modal period or the first's duration.
+    """One impact: a contact, and those that follow within the longest modal period or its length.
 
     time : time of the first touch [s]; contact_time : from there to the last release [s].
     touches : number of times that the part touches in the contact time, with flights in between.
@@ -26,11 +26,11 @@ class FallImpact:
     place : (3,) point that takes the largest impulse, in the axes of the mesh [m].
     contacts : number of points that touched.
     peak_force : largest sum of the normal forces [N]; impulse : sum of the normal impulses [N s].
-    speed_before, speed_after : speeds of that point along the normal [m/s], > 0 toward the floor
-        before and away from it after, without vibrations.
+    speed_before, speed_after : normal speeds [m/s] of this point without vibrations, > 0 toward the
+        floor before and away from it after the impact.
     spin_before, spin_after : (3,) spins in the axes of the floor [rad/s].
     lost : energy dissipated by contacts and damping [J].
-    law_error : relative error of the largest force at a point by its contact law; None: unknown.
+    law_error : relative error of the largest force at a point due to its law; None if unknown.
     """
 
     time: float
@@ -72,7 +72,7 @@ class Impacts(tuple[FallImpact, ...]):
         return np.array([np.nan if value is None else value for value in values])
 
     def columns(self) -> dict[str, Array]:
-        """The table: name with unit -> values (n,) of all impacts."""
+        """Columns (n,) of the table by name with unit."""
         place = self.column("place").reshape(-1, 3)
         table = {f"{name.replace('_', ' ')} ({unit})": self.column(name) for name, unit in UNITS}
         table["touches"] = self.column("touches")
@@ -84,7 +84,7 @@ class Impacts(tuple[FallImpact, ...]):
         return table | {"law error (%)": 100 * self.column("law_error")}
 
     def numbers(self) -> dict[str, object]:
-        """The table as JSON values: name with unit -> values of all impacts, None where unknown."""
+        """Columns of the table by name with unit, as JSON values; None where unknown."""
         columns = {name: values.tolist() for name, values in self.columns().items()}
         return {name: [None if v != v else v for v in values] for name, values in columns.items()}
 
@@ -116,12 +116,12 @@ class Impacts(tuple[FallImpact, ...]):
 
 @dataclass(frozen=True)
 class Peak(FieldsRepr):
-    """The largest value of a signal, as `Fall.peak` finds it.
+    """The largest value of a signal, from `Fall.peak`.
 
     Attributes
     ----------
-    value : in SI units.
-    time : [s].
+    value : value in SI units.
+    time : time [s].
     impact : number of the impact, from 0.
     """
 
@@ -180,7 +180,7 @@ def total_force(episodes: Sequence[Episode]) -> tuple[Array, Array]:
 
 
 def _touch_count(force: Array) -> int:
-    """How many times a force (n,) rises from zero."""
+    """Number of times that a force (n,) rises from zero."""
     touching = np.append(False, force > 0)
     return int(np.sum(touching[1:] & ~touching[:-1]))
 

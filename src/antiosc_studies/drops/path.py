@@ -90,11 +90,11 @@ def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
 def scene_on_path(
     touch: Touch, indices: IntArray, base: Assembly, history: SceneHistory, path: Path
 ) -> tuple[Assembly, float]:
-    """The scene `base` with the lever arms of its points on a path, and its relative change.
+    """(scene `base` with the lever arms of its points on a path, its relative change).
 
-    The forces of the run on these lever arms make additional given loads, and the additional motion
-    of the points makes additional gaps. Change: from the scene of `history`, of the gaps over the
-    largest depth, of the loads over the largest contact loads. indices : of its points.
+    The forces of the run at these lever arms become additional given loads; the additional motion
+    of the points becomes additional gaps. The change is relative to the scene of `history`: gaps
+    over the largest depth, loads over the largest contact loads. indices : of the points.
     """
     body, _, W, _ = touch
     first, previous = base.system, history.assembly.system
@@ -156,7 +156,7 @@ class PathRun(NamedTuple):
 def sufficient_duration(
     touch: Touch, base: Assembly, first: float, longest: float, rotation: float
 ) -> float:
-    """A duration [s] in which the contact ends: `first`, doubled until it does, or `longest`.
+    """A duration [s] in which the contact ends: `first`, doubled until it ends, or `longest`.
 
     rotation : rotation [rad] at which the episode is cut.
     """
@@ -206,8 +206,8 @@ def _path_times(base: Assembly, history: SceneHistory, end: float, tol: float) -
 def _episode_end(touch: Touch, history: SceneHistory, rotation: float) -> tuple[float, bool]:
     """Time at which the episode ends [s], and whether the body still touches.
 
-    It ends when all contacts have parted and the next one does not follow soon. A longer contact is
-    cut when the body has turned by `rotation` [rad].
+    It ends when all contacts are open and the next touch does not follow soon. A longer contact is
+    cut when the body has rotated by `rotation` [rad].
     """
     last = float(history.time[-1])
     times = np.linspace(0.0, last, ROTATION_SAMPLES + 1)
@@ -231,9 +231,9 @@ def _episode_end(touch: Touch, history: SceneHistory, rotation: float) -> tuple[
 
 
 def run_scene(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, float]:
-    """The converged history of a scene, and its error of a step over the force, for `run_once`.
+    """(converged history of a scene, its error per step relative to the force, for `run_once`).
 
-    AccuracyError if a force is out of range of its law, or friction jams a contact.
+    AccuracyError if a force leaves the range of its law, or friction jams a contact.
     """
     with without_warnings():
         converged = integrate_exact(assembly, duration, tol, None, *RUN_LIMITS)
@@ -254,8 +254,8 @@ def run_once(
 ) -> SceneHistory:
     """The history of one run.
 
-    rtol : largest error of the forces in a step, over `scale` [N], or if that is 0 over the largest
-    force so far; error : estimated errors for the history.
+    rtol : largest error of the forces in a step, relative to `scale` [N] or, if it is 0, to the
+    largest force so far; error : estimated errors for the history.
     """
     record = march_once(
         assembly.system,
@@ -275,8 +275,8 @@ def _history(assembly: Assembly, record: Run, error: dict[str, float]) -> SceneH
 
 
 def _worst_wedging(system: System) -> tuple[float, float]:
-    """Coefficient of friction of the contact that is nearest to jamming, and its wedging: the
-    displacement by a unit tangential force over that by a unit normal force.
+    """(friction coefficient of the contact that is nearest to jamming, its wedging ratio: normal
+    displacement due to a unit tangential force over that due to a unit normal force).
     """
     friction, wedge = 0.0, 0.0
     for k, sides in enumerate(system.friction_rows):
@@ -292,7 +292,7 @@ def _worst_wedging(system: System) -> tuple[float, float]:
 
 def _jam_error(friction: float, wedging: float) -> AccuracyError:
     """The error of a scene that friction jams or, without friction, whose contacts no forces
-    satisfy; `wedging` as of `_worst_wedging`.
+    satisfy; `wedging` from `_worst_wedging`.
     """
     if friction == 0:
         return AccuracyError(

@@ -54,7 +54,7 @@ def draw_fall(fall: Any, path: str | os.PathLike[str] | None) -> Figure | Path:
 
 
 def surface_of(body: FreeBody) -> tuple[Array, IntArray]:
-    """Points (P, 3) [m] from the centre of mass, and triangles (T, 3), of the surface or hull."""
+    """(points (P, 3) [m] from the centre of mass, triangles (T, 3)) of the surface or hull."""
     from scipy.spatial import ConvexHull, QhullError
 
     skin = body.skin

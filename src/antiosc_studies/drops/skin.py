@@ -34,7 +34,7 @@ ZERO_EXTENT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The surface of a part, as its P vertices."""
+    """The surface of a part, described at its P vertices."""
 
     #: points, normals: (P, 3) coordinates [m] and outward unit normals (zero if unknown)
     points: Array
@@ -52,7 +52,7 @@ class Skin:
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
     def radii(self, vertex: int, corner_radius: float) -> tuple[float, float]:
-        """Principal radii [m] at a vertex; if it is sharp, half a sheet or `corner_radius`."""
+        """Principal radii [m] at a vertex; if sharp, half a sheet thickness or `corner_radius`."""
         if self.sharp[vertex]:
             rounded = float(self.half_thickness[vertex]) or corner_radius
             return rounded, rounded

@@ -40,8 +40,8 @@ def trajectory(
     """Follow a fall to its end.
 
     report : called with the numbers of the impact and of its contact, from 1, and the time [s].
-    Returns the last state, the episodes, the flights, the numbers of the episodes of each impact,
-    and why the fall ended.
+    Returns (last state, episodes, flights, numbers of the episodes of each impact, reason for the
+    end).
     """
     episodes: list[Episode] = []
     flights: list[Flight] = []
@@ -161,9 +161,10 @@ def _absorbable_energy(body: FreeBody, state: State, W: Array, r: Array, sticks:
 def _excess_energy(W: Array, r: Array, contacts: list[OngoingContact], weight: float) -> float:
     """Elastic energy [J] of contacts at points r (n, 3) above that of their static state.
 
-    For one contact with force F and approach d it is (F - m g)^2 d/F: twice the energy for a linear
-    law, and at least the energy for a force that grows faster than the approach. The magnitude of
-    the approach counts, since friction may lift a point that sticks. `weight` : of the body [N].
+    For one contact with force F and approach d, (F - m g)^2 d/F is used: twice the energy for a
+    linear law, and at least the energy for a force that grows faster than the approach. The
+    magnitude of the approach is used, since friction may lift a sticking point. `weight` : weight
+    of the body [N].
     """
     compliances = np.array([abs(h.height) / h.force[0] for h in contacts])
     compliances = np.maximum(compliances, FREE_SHARE * compliances.max() + TINY)

@@ -1,8 +1,8 @@
-"""Dents by the contacts of a fall, and errors of the contact forces by their laws.
+"""Dents due to the contacts of a fall, and errors of the contact forces due to their laws.
 
 Sharp corners touch as balls of the corner's radius, or as corners that the floor presses flat
-(`crushed`); their force has an error of ± 40 %. Where vertices beside a corner touch too, the error
-is unknown, and a sentence gives the reason and the remedy.
+(`crushed`); their force has an error of ± 40 %. If vertices beside a corner touch too, the error is
+unknown, and a sentence gives the reason and the remedy.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class PointContact(NamedTuple):
 
     @property
     def choice(self) -> Choice | None:
-        """The law from both surfaces, even if the floor has its own; None if they are unknown."""
+        """The law chosen by both surfaces, even if the floor has one; None if unknown."""
         of_faces = Floor(self.floor.material)
         try:
             return law_choice(of_faces, surface_at(self.body, self.point))
@@ -65,8 +65,8 @@ class PointContact(NamedTuple):
 
     @property
     def _overload(self) -> float:
-        """Force over that of first yield of the surfaces; 0 if the contact law yields itself, or
-        is softer than the surfaces.
+        """Force over the force at first yield of the surfaces; 0 if the contact law itself yields,
+        or is softer than the surfaces.
         """
         law = None if self.choice is None else self.choice.law
         if isinstance(self.law, ElasticPlastic) or not isinstance(law, ElasticPlastic):
@@ -90,7 +90,7 @@ class PointContact(NamedTuple):
 
     @property
     def error(self) -> float | None:
-        """Relative error of the force by its law; None if unknown (`no_error_reason`)."""
+        """Relative error of the force due to its law; None if unknown (`no_error_reason`)."""
         choice = self.choice
         if self.no_error_reason or choice is None:
             return None
@@ -107,7 +107,7 @@ class PointContact(NamedTuple):
 
     @property
     def no_error_reason(self) -> str:
-        """Why the error of the force is unknown, and the remedy; "" if it is known."""
+        """Reason why the error of the force is unknown, with the remedy; "" if it is known."""
         body, floor, i = self.body, self.floor, self.point
         if floor.law is not None:
             return "the error of a given law of the contact is not known"
@@ -217,7 +217,7 @@ class PointContacts:
 
     @cached_property
     def law_error(self) -> float | None:
-        """Relative error of the largest contact force by the contact laws; None if unknown."""
+        """Relative error of the largest contact force due to the laws; None if unknown."""
         errors = [(one.error, one.force) for one in self.counted]
         if self.hardest is None or self.lands_flat or any(error is None for error, _ in errors):
             return None
@@ -225,7 +225,7 @@ class PointContacts:
 
     @property
     def no_error_reason(self) -> str:
-        """Why `law_error` is unknown, and the remedy; "" if it is known."""
+        """Reason why `law_error` is unknown, with the remedy; "" if it is known."""
         if self.lands_flat:
             return "a face lands flat, which is outside of this method: tilt it"
         if self.hardest is None:
@@ -248,13 +248,13 @@ class PointContacts:
 
     @property
     def deepest_dent(self) -> float:
-        """Depth of the deepest dent [m]; NaN without one, and where it is not known."""
+        """Depth of the deepest dent [m]; NaN without a dent, or if it is unknown."""
         dents = (one.dent for one in self.contacts)
         return max((dent.depth for dent in dents if dent is not None), default=nan)
 
     @property
     def notes(self) -> tuple[str, str]:
-        """Two sentences, or "": the hardest contact is elastic; cracks are not computed."""
+        """Sentences (or ""): the hardest contact is elastic; cracks are not computed."""
         one = self.hardest
         if one is None:
             return "", ""

@@ -1,10 +1,10 @@
-"""`find_impact`: the place and the strength of a blow from the signals of sensors.
+"""`find_impact`: the place and the strength of an impact from the signals of sensors.
 
 The structure's free modes give the model of every candidate place (`antiosc.strikes.impact_map`). A
-scan with half-sine pulses (`scan_pulses`) finds the places at which the search starts; a
-Gauss–Newton iteration in logarithms (`Search`) finds the blow. Model errors are unknowns of known
-size: a relative change of each natural frequency, and of each mode's share in each signal. The
-error bars contain them.
+scan with half-sine pulses (`scan_pulses`) finds starting places; a Gauss–Newton iteration in
+logarithms (`Search`) finds the impact. Model errors are additional unknowns of known size: a
+relative change of each natural frequency, and of each mode's share in each signal. The error bars
+contain them.
 """
 
 from __future__ import annotations
@@ -54,15 +54,15 @@ class FoundImpact(Result):
 
     Attributes
     ----------
-    place, direction : (3,) struck point [m], and unit vector of the blow.
-    mass [kg], velocity [m/s], stiffness : those of the impactor, and of the contact law (None for a
-        law without one).
+    place, direction : (3,) struck point [m], and unit vector of the impact.
+    mass [kg], velocity [m/s], stiffness : mass and velocity of the impactor, stiffness of the
+        contact law (None for a law without one).
     start : time of the first touch after the first sample [s]; may be negative.
     E : factor of the stiffness of the structure; 1 unless it was unknown.
     bars : name -> half-width of the 95 % confidence interval: "place" [m], "start" [s]; relative
         for "mass", "velocity", "stiffness", "E", "peak_force", "impulse". inf: the signals do not
         determine it; 0: it was known.
-    chi2 : squared difference of the signals over that expected from the noise; 1 for a sound fit.
+    chi2 : squared difference of the signals over its expected value; 1 for a sound fit.
     rank, unknowns : number of unknowns that the signals determine, and number of all.
     status : 0: found; 1: not all unknowns are determined, or other places are as probable; 2: the
         model does not explain the signals.
@@ -147,7 +147,7 @@ class FoundImpact(Result):
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """The measured and the computed signals, the force, and the scan of the places.
 
-        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
+        With `path` (PNG, PDF, SVG, …) the picture is written and the path is returned.
         """
         count = self.measured.shape[1]
         figure, axes = panels(1, 2, (9.5, 1.2 + 1.1 * max(count, 3)), shown=path is None)
@@ -224,7 +224,7 @@ def find_impact(
     frequency_error: float = 0.01,
     shape_error: float = 0.03,
 ) -> FoundImpact:
-    """The place and the strength of one blow on a structure at rest, from the signals of sensors.
+    """The place and the strength of one impact on a structure at rest, from signals of sensors.
 
     Parameters
     ----------
@@ -232,19 +232,18 @@ def find_impact(
         With a mesh.
     sensors : sequence of Sensor
     signals : array_like (n, m), or path
-        One column for each sensor, in its unit; the record may begin before or after the blow. A
-        file is a table in text, as for `read_frf`, with the times [s] in a column before them or
-        without.
+        One column for each sensor, in its unit; the record may begin before or after the impact. A
+        file is a text table, as for `read_frf`; a first column may give the times [s].
     rate : float, optional
-        Samples a second [Hz]; not needed for a file with times.
+        Sampling rate [Hz]; not needed for a file with times.
     where, direction, radius
-        Candidate places of the blow, as for `impact_map`. Among given points the place is one of
-        them; on surfaces it may lie between the vertices.
+        Candidate places of the impact, as for `impact_map`. Of given points, the place is one of
+        them; on surfaces it may be between the vertices.
     unknown : sequence of "place", "mass", "velocity", "stiffness", "E"
-        Quantities to be found, besides the start. "E" is one factor for the stiffness of the whole
-        structure.
+        Quantities to be found, in addition to the start. "E" is one factor for the stiffness of the
+        whole structure.
     impactor : RigidMass, optional
-        Mass and velocity that are not unknown.
+        Mass and velocity, as far as they are known.
     contact : ContactLaw or "auto", optional
         The contact law, with its stiffness if that is known; "auto": the law of the impactor's tip
         on a flat face of the structure. Default: Hertz's law with an unknown stiffness; if the
@@ -258,8 +257,8 @@ def find_impact(
     modes : int, optional
         Free modes of the model; default 60, or as many as reach 1.5 times `band`.
     band : float, optional
-        Highest frequency that is compared [Hz]; default: where the power of the signals
-        ends, at most the last free frequency over 1.5.
+        Highest frequency that is compared [Hz]; default: the end of the signals' power spectrum,
+        at most the last free frequency over 1.5.
     frequency_error, shape_error : float
         Expected relative errors (standard deviations) of the model: of each natural frequency, and
         of each mode's part in each signal.
@@ -267,7 +266,7 @@ def find_impact(
     Returns
     -------
     FoundImpact
-        If the signals do not determine the blow, its status is 1 or 2, with a message.
+        If the signals do not determine the impact, its status is 1 or 2, with a message.
 
     Raises
     ------
@@ -276,8 +275,8 @@ def find_impact(
 
     Notes
     -----
-    A pulse on a stiff structure depends on two numbers of the three mass, velocity and stiffness:
-    then force and impulse are found, and the bars of the three are wide.
+    On a stiff structure the force pulse depends on only two combinations of mass, velocity and
+    stiffness: force and impulse are then found, and the error bars of these three are wide.
     """
     start_time = time.perf_counter()
     checks.instance("structure", structure, Structure, "a Structure")

@@ -1,4 +1,4 @@
-"""The computed signals of a blow anywhere on a surface."""
+"""The computed signals of an impact anywhere on a surface."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ class LocalChart:
     size: float
 
     def weights(self, x: Array) -> Array:
-        """(K,) weights of the sites for the value at local coordinates x (d,).
+        """Weights (K,) of the sites for the value at local coordinates x (d,).
 
-        Polyharmonic splines r³ with quadratic polynomials: exact at the sites, of third order
+        Polyharmonic splines r³ with quadratic polynomials are exact at the sites and of third order
         between them.
         """
         if not len(self.axes):
@@ -130,7 +130,7 @@ def _nearest_points(x: Array, corners: Array) -> Array:
 
 
 def has_stiffness(law: ContactLaw) -> bool:
-    """Whether a law has a free stiffness; that of an elastic-plastic ball follows from E*."""
+    """Whether a law has a free stiffness; an elastic-plastic ball's stiffness follows from E*."""
     return hasattr(law, "stiffness") and not isinstance(law, ElasticPlastic)
 
 

@@ -39,10 +39,10 @@ class Sensor(FieldsRepr):
     point : sequence of 3 (2) floats, or str
         Coordinates [m], or the name of a group, as for `probe`.
     direction : sequence of 3 (2) floats
-        Direction in which it measures; for strains that of the gauge.
+        Direction in which the sensor measures; for strains, direction of the gauge.
     quantity : "acceleration" m/s², "velocity" m/s, "displacement" m or "strain"
     length : float, optional
-        Length [m] over which a strain gauge takes the mean; default: the strain at the point.
+        Length [m] over which a strain gauge averages; default: the strain at the point.
     surface : "top", "bottom", "middle" or sequence of 3 floats
         For a shell: the surface with the gauge, as for `probe`.
     part : str, optional

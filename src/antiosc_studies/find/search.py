@@ -1,12 +1,12 @@
-"""From pulses at all sites to the most probable blows, by Gauss-Newton from the best ones.
+"""Search of the most probable impacts: a scan of pulses at all sites, then Gauss-Newton iterations.
 
-`scan_pulses` finds for all sites at once the half-sine pulse whose signals are nearest to the
-measured ones. In the free modes the signal of sensor s is sum_j s_sj b_j g_j(t - t0), g_j being the
-response of mode j to a pulse. For each duration of the pulse the best amplitude is in closed form;
-the products of the measured signals with all delayed g_j come from one Fourier transform, and are
-the same for all sites. The frequencies of the model have errors: the response of mode j is
-multiplied by the mean of its phase factor, exp(-(e w_j t)²/2) for frequencies of relative standard
-deviation e.
+`scan_pulses` finds for all sites together the half-sine pulse whose signals are nearest to the
+measured signals. In the free modes the signal of sensor s is sum_j s_sj b_j g_j(t - t0), where g_j
+is the response of mode j to a pulse. For each duration of the pulse the best amplitude has a closed
+form; the products of the measured signals with all delayed g_j come from one Fourier transform and
+are the same for all sites. The frequencies of the model have errors: the response of mode j is
+multiplied by the mean of its phase factor, exp(-(e w_j t)²/2) for a relative standard deviation e
+of the frequencies.
 """
 
 from __future__ import annotations
@@ -391,7 +391,7 @@ def most_probable_impacts(
     frequency_sigma: float,
     share_sigma: float,
 ) -> list[ProbableImpact]:
-    """The most probable impacts, the best first; a second one at another place if there is one.
+    """The most probable impacts, the best first; the second is at another place if possible.
 
     known_values : values of known quantities; structure_mass : [kg]; frequency_sigma, share_sigma :
     as for `Search`.
@@ -428,7 +428,7 @@ def most_probable_impacts(
 
 
 def _fits_to_continue(model: SearchModel, fits: list[ProbableImpact]) -> list[ProbableImpact]:
-    """The fits to continue: the best one, and the best at another place or else the second best."""
+    """The fits to continue: the best fit, and the best at another place or else the second best."""
     first, *others = fits
     least_distance = MIN_PLACE_DISTANCE * model.surface.spacing(first.blow.site)
     place = first.blow.place
@@ -440,7 +440,7 @@ def _fits_to_continue(model: SearchModel, fits: list[ProbableImpact]) -> list[Pr
 
 
 def _starting_places(model: SearchModel, scanned: PulseScan) -> list[int]:
-    """The sites whose pulses fit best, at a distance from one another."""
+    """The sites whose pulses fit best, at some distance from each other."""
     sites: list[int] = []
     points = model.surface.points
     for i in np.argsort(-scanned.power_share, kind="stable").tolist():
@@ -456,7 +456,7 @@ def _starting_places(model: SearchModel, scanned: PulseScan) -> list[int]:
 def _initial_impact(
     model: SearchModel, scanned: PulseScan, i: int, mass: float, known: Mapping[str, float]
 ) -> CandidateImpact:
-    """An impact whose pulse on a rigid wall is that of the scan at site i."""
+    """An impact whose pulse on a rigid wall equals the pulse of the scan at site i."""
     T = float(scanned.duration[i])
     impulse = 2 / np.pi * T * float(scanned.amplitude[i])
     velocity = max(impulse, float_info.min) / (INITIAL_IMPULSE_RATIO * mass)

@@ -1,4 +1,4 @@
-"""Goals of gradients: the number that is read of a run, and of the run with a number changed."""
+"""Goals of gradients: the result that is read from a run and from runs with a changed number."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ GOAL_NAMES = (*CONTACT_GOALS, "peak_displacement", *TIMED_GOALS)
 
 
 class Goal(NamedTuple):
-    """A goal: its name, the time [s] up to which runs go on, and the function that reads it."""
+    """A goal: its name, the end time [s] of runs, and the function that reads it from a run."""
 
     name: str
     end_time: float
@@ -72,8 +72,8 @@ def goal_of(
 ) -> Goal:
     """The goal of this name, or of this function of a history.
 
-    base : assembly whose run shows when the peak ends, that of `hit` or of a changed model;
-    contact, time : as for `gradient`.
+    base : assembly (of `hit` or of a changed model) whose run shows when the peak ends; contact,
+    time : as for `gradient`.
     """
     until = hit.run.time[-1]
     if callable(goal) and not isinstance(goal, type):

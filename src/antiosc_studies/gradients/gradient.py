@@ -1,7 +1,7 @@
 """`gradient`: the derivatives of a result by all parameters of an impact.
 
-Each is the central difference of two runs; its distance from that of two coarser runs further apart
-is its error.
+Each derivative is a central difference of two runs; its difference from the central difference with
+a larger step is its error.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ ParameterTree = dict[str, Any]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gradient(CompletedResult):
-    """Derivatives of a result; those of a single body or contact are attributes too.
+    """Derivatives of a result; derivatives of a single body or contact are attributes too.
 
     Attributes
     ----------
@@ -65,11 +65,11 @@ class Gradient(CompletedResult):
     contacts : dict
         Ends (a, b) of a contact -> {parameter of its law, or gap: derivative}.
     error : Gradient
-        The error bars of all these numbers, >= 0: of the differences; with `error="estimate"` also
-        of the model. None: unknown.
+        The error bars >= 0 of all these numbers: errors of the differences, with `error="estimate"`
+        also errors of the model. None: unknown.
 
-    A derivative has the unit of the goal over that of the parameter; None if it does not exist, as
-    by m0 if the site has no mass.
+    A derivative has the unit of the goal over the unit of the parameter; it is None if it does not
+    exist, as by m0 if the site has no mass.
     """
 
     goal: str
@@ -93,7 +93,7 @@ class Gradient(CompletedResult):
         )
 
     def numbers(self) -> dict[str, object]:
-        """The value and its derivatives: name -> JSON value."""
+        """The value and its derivatives, as JSON values by name."""
         contacts = {" - ".join(ends): tree for ends, tree in self.contacts.items()}
         trees = {**self.bodies, **contacts}
         slopes = mapped_leaves(lambda v: np.asarray(v).tolist(), trees)
@@ -142,8 +142,8 @@ def gradient(
 ) -> Gradient:
     """Derivatives of a result by masses, speeds, stiffnesses, gaps and the model's parameters.
 
-    They are differences of runs of the engine, four for each number, and do not depend on the
-    tolerance of `hit`.
+    They are differences of further runs, four for each number, and do not depend on the tolerance
+    of `hit`.
 
     Parameters
     ----------
@@ -151,27 +151,27 @@ def gradient(
         The history of `simulate` or `Scene.run`.
     goal : str or callable
         "peak_force" [N], "impulse" [N s], "contact_time" [s], "restitution", "peak_displacement"
-        [m] of the first end of the contact (the structure of `simulate`); "force" [N] and
-        "displacement" [m] of that end at a `time`. Or a function of a `History` that returns a
+        [m] of the first end of the contact (the structure of `simulate`); "force" [N], or
+        "displacement" [m] of this end, at a `time`. Or a function of a `History` that returns a
         number.
     contact : (str, str), optional
         Ends of the contact, if a scene has several.
     time : float, optional
         Time [s] of the goals "force" and "displacement".
     part : Structure or callable, optional
-        A structure from which the model was extracted: adds `g.E`, `g.nu`, `g.rho`, `g.thickness`
-        and derivatives by the other numbers of its material; for several materials {group:
-        derivative}. Or a function of `x` (n,) that builds the structure or its model: adds `g.x`
-        (n,), by anything that x changes, as sections, layers or nodes. The model is extracted once,
-        and four times more for each number. The contact law is kept, and so are a structure's site
-        and patch radius.
+        The structure from which the model was extracted: adds `g.E`, `g.nu`, `g.rho`, `g.thickness`
+        and derivatives by other numbers of its material; for several materials {group: derivative}.
+        Or a function of `x` (n,) that builds the structure or its model: adds `g.x` (n,), by
+        anything that x changes, such as sections, layers or nodes. The model is extracted once, and
+        four more times for each number. The contact law, and a structure's site and patch radius,
+        do not change.
     x : array_like, shape (n,), optional
-        The argument of `part`, if that is a function.
+        The argument of `part`, if `part` is a function.
     error : "estimate", optional
-        `g.error` also has the errors of the model: twice the change by a quarter fewer
-        anti-oscillators, or by the residual mass on a spring; and, for a model extracted with
-        error="estimate", twice the change by its `corrected()`. It takes as many runs again for
-        each, and works for runs of `simulate` only.
+        `g.error` also has the errors of the model: twice the change with a quarter fewer
+        anti-oscillators, or with the residual mass on a spring; and, for a model extracted with
+        error="estimate", twice the change with its `corrected()`. Each of these takes as many runs
+        again. Only for runs of `simulate`.
 
     Returns
     -------
@@ -183,11 +183,11 @@ def gradient(
     Raises
     ------
     InputError
-        For a part of a fall, a body that stretched, an unknown goal, and a part that the model does
-        not come from.
+        A part of a fall, a body that stretched, an unknown goal, a part from which the model was
+        not extracted.
     NotDifferentiableError
-        If the result has no derivative: two peaks that differ by less than 0.1 %, no contact, or a
-        touch that appears or vanishes within the step of a number.
+        The result has no derivative: two peaks differ by less than 0.1 %, there is no contact, or a
+        touch appears or vanishes within the step of a number.
     """
     if error is not None:
         checks.choice("error", error, ("estimate",))
@@ -310,9 +310,9 @@ def _difference_quotient(
 
 
 def _derivative_bar(slope: SlopeWithError, *others: SlopeWithError) -> float:
-    """Error bar of a derivative, by its differences and by the changed models.
+    """Error bar of a derivative, from its differences and from the changed models.
 
-    others : its slopes on the models of `_model_changes`, None where a model has none.
+    others : slopes on the models of `_model_changes`; None where a slope does not exist.
     """
     changes = [abs(one.value - slope.value) for one in others if one is not None]
     truncation = TRUNCATION_SAFETY * max(changes[:2], default=0.0)

@@ -1,4 +1,4 @@
-"""The numbers that an impact depends on, each with the impact in which it has another value."""
+"""The numbers on which an impact depends, each with a function that changes it in the impact."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NumberTree = dict[str, Any]
 
 @dataclass(frozen=True)
 class VariableNumber:
-    """A number that an impact depends on."""
+    """A number on which an impact depends."""
 
     value: float
     step_scale: float  # what steps of it are relative to, > 0
@@ -56,14 +56,14 @@ def mapped_leaves(function: Callable[..., Any], first_tree: Any, *other_trees: A
 
 
 def relative_number(value: float, assembly_with: Callable[[float], Assembly]) -> VariableNumber:
-    """A number whose steps are relative to its own value."""
+    """A number with steps relative to its value."""
     return VariableNumber(value, abs(value), assembly_with)
 
 
 class VariableImpact:
-    """The bodies and contacts of a run, which can be exchanged.
+    """The bodies and contacts of a run, which can be replaced.
 
-    change_model : function that changes the model "structure" before every run; None: it stays.
+    change_model : function that changes the model "structure" before every run; None: no change.
     """
 
     def __init__(self, hit: History, change_model: ModelChange | None = None) -> None:
@@ -90,7 +90,7 @@ class VariableImpact:
         contacts: Mapping[int, Contact] | None = None,
         starts: Mapping[str, float] | None = None,
     ) -> Assembly:
-        """The impact with other bodies or contacts, or other speeds of models at the start."""
+        """The impact with other bodies or contacts, or other initial speeds of models."""
         scene = self.scene
         all_bodies = {**scene.bodies, **(bodies or {})}
         all_contacts = [(contacts or {}).get(i, c) for i, c in enumerate(scene.contacts)]
@@ -112,7 +112,7 @@ class VariableImpact:
         return assembly
 
     def initial_speed(self, name: str) -> float:
-        """The speed [m/s] of a model at the start; 0: it rests, or moves in space."""
+        """The initial speed [m/s] of a model; 0 if it is at rest or moves in space."""
         if self._pair is None:
             start = self.scene.motion.get(name, 0.0)
         else:
@@ -191,7 +191,7 @@ def _numbers_of_model(
 
 
 def numbers_of_contact(impact: VariableImpact, i: int) -> NumberTree:
-    """The numbers of a contact: of its law, its gap, its friction."""
+    """The numbers of a contact: parameters of its law, gap, friction."""
     contact = impact.scene.contacts[i]
     law: Any = contact.law
 

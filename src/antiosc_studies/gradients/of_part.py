@@ -1,4 +1,4 @@
-"""The numbers of the part that a model was extracted from: each with the model extracted again."""
+"""The numbers of the part from which a model was extracted, each with a new extraction."""
 
 from __future__ import annotations
 
@@ -63,11 +63,11 @@ class PartModels:
             )
 
     def assembly_again(self, impact: VariableImpact) -> Assembly:
-        """The impact on the model that is extracted again."""
+        """The impact on the newly extracted model."""
         return impact.assembly_with({self.name: self._middle})
 
     def numbers_of_part(self, impact: VariableImpact) -> NumberTree:
-        """The numbers of the part by name, each with the impact on the part that it changes."""
+        """The numbers of the part by name, each with the impact on the changed part."""
 
         def number(varied: VariedInput) -> VariableNumber:
             value, size, model = varied
@@ -97,7 +97,7 @@ class PartModels:
         ]
 
     def _inputs_of_structure(self, part: Structure) -> NumberTree:
-        """The numbers of a part's materials by name; of several materials {name: {group: …}}."""
+        """The numbers of a part's material by name; {name: {group: …}} for several materials."""
         refuse_prestress(part, "a gradient by the numbers of a part")
         made_of: tuple[Any, Any, Any] = part.made_of or (None, {}, {})
         mesh, materials, options = made_of

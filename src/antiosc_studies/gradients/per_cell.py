@@ -1,8 +1,8 @@
 """`design_map`: the derivative of a result by the thickness, E or rho of every cell of a part.
 
-The derivatives by a model's parameters are those by its matrices, which are those of the part on
-its shapes V: the contribution of a cell to V'(dK/dp)V is an energy of the cell. The derivatives by
-V'KV are a quadratic form of the shapes, which is summed in its principal axes.
+Derivatives by a model's parameters give derivatives by its matrices, which are the part's K and M
+projected on the shapes V: the contribution of a cell to V'(dK/dp)V is an energy of the cell. The
+derivatives by V'KV are a quadratic form of the shapes, which is summed in its principal axes.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ QUADRATURE_DEGREE = 4
 def matrix_derivatives(
     model: AntiOscillators, parameter_derivatives: Mapping[str, Any]
 ) -> tuple[Array, Array]:
-    """Derivatives (C, C) by K and M on the shapes of a model from those by m0, k0, m and omega.
+    """Derivatives (C, C) by K and M on a model's shapes, from derivatives by m0, k0, m and omega.
 
     A change of both turns the static shape by -dK_0j/omega_j^2 and shape i by
     (dK_ij - omega_i^2 dM_ij)/(omega_i^2 - omega_j^2) of the shapes j, all of unit mass; m_i is the
-    square of p_i = phi_0' M phi_i, and m0 = phi_0' M phi_0 less the sum of them.
+    square of p_i = phi_0' M phi_i, and m0 = phi_0' M phi_0 minus the sum of the m_i.
     """
     p, x = np.sqrt(model.m), model.omega**2
     by_p = 2 * p * (parameter_derivatives["m"] - parameter_derivatives["m0"])
@@ -101,7 +101,7 @@ class DesignMap(CompletedResult):
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """`per_mass` drawn on the part; all ranks call it.
 
-        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned. Blue: more
+        With `path` (PNG, PDF, SVG, …) the picture is written and the path is returned. Blue: more
         material lowers the goal; red: it raises it.
         """
         from antiosc.plot.surfaces import draw_design
@@ -123,9 +123,9 @@ def design_map(
     contact: tuple[str, str] | None = None,
     time: float | None = None,
 ) -> DesignMap:
-    """Derivative of a result by the thickness of every cell: it shows where material is useful.
+    """Derivative of a result by the thickness of every cell, which shows where material is useful.
 
-    By E the compliance of the contact's patch, which is of the law, is left out.
+    Derivatives by E do not include the compliance of the contact patch, which belongs to the law.
 
     Parameters
     ----------
@@ -139,8 +139,7 @@ def design_map(
     Raises
     ------
     InputError
-        For a part that is not the run's, or whose materials do not have `by`; or that `gradient`
-        refuses.
+        A part that is not the run's, whose materials do not have `by`, or that `gradient` refuses.
     NotDifferentiableError
         As for `gradient`.
     """

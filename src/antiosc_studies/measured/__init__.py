@@ -68,16 +68,16 @@ def from_frf(
     sensor_mass : float or {site: float}
         Mass [kg] of the sensor at the site, which is removed (`FRF.without_sensor`).
     damping : "viscous" or "hysteretic", optional
-        Form of the damping in the fit; default: the one with the smaller chi^2. The model has the
-        damping ratios either way.
+        Form of the damping in the fit; default: the form with the smaller chi^2. In both cases the
+        model has damping ratios.
     free : bool, optional
         Whether the part has rigid-body motion at the site; default: if the measurement shows it.
 
     Returns
     -------
     AntiOscillators
-        `hit.error_budget` of an impact on it has the contribution "noise", computed
-        from `model.info.measured`.
+        The `hit.error_budget` of an impact on it has an error "noise", computed from
+        `model.info.measured`.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def _measured_of(frf: FRF) -> MeasuredReceptances:
 
 
 def _with_power_into_part(data: MeasuredReceptances) -> MeasuredReceptances:
-    """The measurement with the sign for which power flows into the part at driving points."""
+    """The measurement with the sign that makes power flow into the part at driving points."""
     if not np.any(_driving_power(data)):
         raise InputError(
             "the FRF at the driving point has no imaginary part: magnitudes and real parts do not"
@@ -153,7 +153,7 @@ def _with_power_into_part(data: MeasuredReceptances) -> MeasuredReceptances:
 
 
 def _outflow_share(data: MeasuredReceptances) -> float:
-    """Power that leaves the part over all |power|, of equal forces at its driving points."""
+    """Share of |power| that leaves the part, for equal forces at its driving points."""
     power = _driving_power(data)
     return -np.sum(np.minimum(power, 0.0)) / np.sum(np.abs(power))
 

@@ -30,7 +30,7 @@ MIN_SAMPLES = 8
 
 @runtime_checkable
 class ForceHistory(Protocol):
-    """The attributes that are compared: those of a `History` or of a contact's history."""
+    """The compared attributes, of a `History` or a contact's history."""
 
     @property
     def time(self) -> Array:
@@ -99,7 +99,7 @@ def compare(
     Returns
     -------
     ForceComparison
-        With the shift in time that brings the measurement nearest.
+        With the shift in time that minimises the difference.
 
     Raises
     ------

@@ -1,12 +1,13 @@
 """The passive modal body that fits measured receptances best, and other possible bodies.
 
-1. Poles by vector fitting; residues by least squares, their semidefinite part of rank one.
+1. Poles by vector fitting; residues by least squares, of which the semidefinite part of rank one is
+   taken.
 2. Gauss-Newton (Levenberg-Marquardt) in the logarithms of frequencies and damping ratios and in
-   the displacements of the modes. Modes that do not rise above the noise are dropped; a mode is
-   added where the residual has a peak above the noise.
-3. The modes above the band are expected to continue those in it, with an uncertainty
+   the displacements of the modes. Modes that do not exceed the noise are dropped; a mode is added
+   where the residual has a peak above the noise.
+3. Modes above the band are expected to continue the modes in it, with an uncertainty
    (`expected_tail`): the fit is the most probable body. Fits to other noise, and with other equally
-   probable tails, show the properties that the measurement does not determine.
+   probable tails, show which properties the measurement does not determine.
 
 Vector fitting: the poles of measured receptances (Gustavsen and Semlyen 1999, relaxed 2006).
 
@@ -91,7 +92,7 @@ def fitted_poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array
 def _relocated_poles(
     s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray
 ) -> ComplexArray:
-    """Better poles from poles `a`: the zeros of sigma in the left half-plane, one of a pair."""
+    """Better poles from poles `a`: zeros of sigma in the left half-plane, one of each pair."""
     is_real = a.imag == 0
     first = 1 / (s[:, None] - a)
     second = 1 / (s[:, None] - a.conj())
@@ -228,8 +229,8 @@ def damped_step(
     """One Gauss-Newton step to a lower cost, with as much damping as it takes.
 
     normal, slope : J'J and J' residual; moved : (body, residual) after a step; limits : lowest and
-    highest step. Returns `moved` of the step, or None if no step lowers the cost, and the damping
-    to begin the next one with.
+    highest step. Returns (`moved` of the step, or None if no step lowers the cost; damping for the
+    next step).
     """
     cost = residual @ residual
     diagonal = np.diag(normal)
@@ -250,7 +251,7 @@ def damped_step(
 
 
 def _step_limits(modes: FittedModes, top: float) -> tuple[Array, Array]:
-    """Lowest and highest step of each of `values`; frequencies move by a few widths of peaks."""
+    """(lowest, highest) step of each of `values`; frequencies move by a few widths of peaks."""
     in_band = modes.n_band
     count = len(modes.omega)
     damping = modes.zeta[:in_band]
@@ -266,7 +267,7 @@ def _step_limits(modes: FittedModes, top: float) -> tuple[Array, Array]:
 
 
 def _parameter_scales(modes: FittedModes) -> Array:
-    """The scale of each parameter: the norm of its mode's displacements, of a, or of l."""
+    """The scale of each parameter: the norm of its mode's displacements, of `a`, or of `l`."""
     of_modes = np.linalg.norm(modes.b, axis=1)
     sizes = [np.repeat(of_modes, modes.b.shape[1])]
     roots = zip((modes.rigid, modes.residual_root), modes.value_sizes[3:], strict=True)
@@ -275,8 +276,8 @@ def _parameter_scales(modes: FittedModes) -> Array:
 
 
 def _bounded_solution(matrix: Array, right: Array, limits: tuple[Array, Array]) -> Array:
-    """Solve `matrix` x = `right` within limits: components beyond one are fixed at it, and the
-    others solved again.
+    """Solve `matrix` x = `right` within limits: components beyond a limit are fixed there, and the
+    others are solved again.
 
     Clipping alone would not adapt the other components: in its narrow valleys the cost would then
     rise, and the search would end far from the minimum.
@@ -335,12 +336,12 @@ def _receptance_derivatives(
 
 
 def whitened(values: ComplexArray) -> Array:
-    """Real parts above imaginary parts; each has half the variance of the complex value."""
+    """Real parts stacked on imaginary parts; each has half the variance of the complex value."""
     return np.sqrt(2) * np.concatenate((values.real, values.imag))
 
 
 def covariance(normal: Array) -> Array:
-    """The inverse of a normal matrix; directions that are not observed get no variance."""
+    """The inverse of a normal matrix; unobserved directions get no variance."""
     size = np.sqrt(np.maximum(np.diag(normal), float_info.min))
     values, vectors = np.linalg.eigh(normal / size / size[:, None])
     observed = values > EIGENVALUE_ROUNDING * values[-1]
@@ -349,7 +350,7 @@ def covariance(normal: Array) -> Array:
 
 
 def with_nonzero_terms(data: MeasuredReceptances, modes: FittedModes) -> FittedModes:
-    """The modes with small values for terms that vanish, where the cost has a gradient of 0."""
+    """The modes with small values instead of zero terms, at which the cost has zero gradient."""
     low = slice(len(data.w) // 8 + 1)
     size = INITIAL_RESIDUAL_RATIO * np.median(np.abs(data.H))
     mass = INITIAL_RESIDUAL_RATIO * np.median(np.abs(data.H[low]) * data.w[low, None] ** 2)
@@ -558,7 +559,7 @@ def _log_probability_cost(data: MeasuredReceptances, weight: Array, modes: Fitte
 def _probable_bodies(
     data: MeasuredReceptances, fit: BodyFit, bodies: list[FittedModes]
 ) -> list[FittedModes]:
-    """Those of `bodies` that are nearly as probable as the fit, in order; at least MIN_BODIES."""
+    """The `bodies` that are nearly as probable as the fit, in order; at least MIN_BODIES."""
     costs = np.array([_log_probability_cost(data, fit.weight, body) for body in bodies])
     order = np.argsort(costs)
     count = max(MIN_BODIES, np.count_nonzero(costs < costs.min() + PROBABLE_COST_INCREASE))

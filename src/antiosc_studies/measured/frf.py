@@ -5,9 +5,9 @@ Between the sites m and n, at the circular frequency w,
     H_mn = sum_j b_jm b_jn D_j(w) - sum_k a_mk a_nk/w^2 + sum_k l_mk l_nk,
     D_j = 1/(w_j^2 - w^2 + 2i zeta_j w_j w)  viscous,  1/(w_j^2 (1 + 2i zeta_j) - w^2)  hysteretic:
 
-modes of rank one, rigid-body motions a, and a residual compliance l l'. Every term is semidefinite,
-so that the body is passive for all parameters. The last modes lie above the measured band and have
-prior expectations (`TailModes`).
+with modes of rank one, rigid-body motions a, and a residual compliance l l'. Every term is
+semidefinite, so that the body is passive for all parameters. The last modes are above the measured
+band and have prior expectations (`TailModes`).
 """
 
 from __future__ import annotations
@@ -295,19 +295,19 @@ class FRF(ReprMixin):
     Parameters
     ----------
     frequency : array_like, shape (K,)
-        [Hz], ascending; a line at 0 Hz is left out.
+        Frequencies [Hz], ascending; a line at 0 Hz is left out.
     values : array_like, complex, shape (K,), or (K, p, q)
         One driving point, or motions of p sites per force on q of them: m/N, m/(s N) or m/(s^2 N).
         With time as exp(iwt), motion and force of a site along one direction.
     quantity : "receptance", "mobility" or "accelerance"
         Displacement, velocity or acceleration per force.
     coherence : array_like, optional
-        Coherence of each value, 0 to 1: the noise of an average (H1) of `averages` blows follows
-        from it.
+        Coherence of each value, 0 to 1, from which the noise of an average (H1) of `averages`
+        impacts follows.
     averages : int
         Number of averages of the coherence.
     sigma : array_like, optional
-        Standard deviation of each complex value, in place of the coherence.
+        Standard deviation of each complex value, instead of the coherence.
     sites : sequence of str
         Names of several sites, p.
     references : sequence of str, optional
@@ -316,7 +316,7 @@ class FRF(ReprMixin):
     Raises
     ------
     InputError
-        For numbers that are not finite, frequencies that do not ascend, and shapes that do not fit.
+        Numbers that are not finite, frequencies that do not ascend, arrays that do not fit.
     """
 
     frequency: Array
@@ -456,18 +456,19 @@ class FRF(ReprMixin):
         )
 
     def without_sensor(self, mass: float | Mapping[str, float]) -> FRF:
-        """The responses with the mass of the sensor removed: Z + w^2 m in place of Z.
+        """The responses without the mass m of the sensor: Z + w^2 m instead of Z.
 
         Parameters
         ----------
         mass : float, or {name of a site: float}
-            Mass [kg]. With several sites the sensors stay there during all measurements, and
-            the forces must act on all sites. The noise is converted like the responses.
+            Mass [kg]. With several sites the sensors must stay there during all measurements, and
+            forces must act on all sites. The noise is converted like the responses.
 
         Raises
         ------
         InputError
-            A mass below 0, forces on some sites alone, or a mass that moves alone at a frequency.
+            A mass below 0, forces on only some sites, or a sensor mass so large that nothing else
+            remains at a frequency.
         """
         if isinstance(mass, Mapping):
             if unknown := sorted(set(map(str, mass)) - set(self.sites)):

@@ -178,7 +178,7 @@ def _only_driving_point(measured: list[UniversalFunction]) -> FunctionEnd:
 
 
 def _end_of(measured: list[UniversalFunction], name: str | int) -> FunctionEnd:
-    """The end in a file that `name` refers to: an entity, a node, or node and axis ("12z")."""
+    """The end in a file named by `name`: an entity, a node, or node and axis ("12z")."""
     wanted_name = str(name).strip().lower()
     ends = {end for function in measured for end in (function.response, function.reference)}
     fits = []
@@ -200,7 +200,7 @@ def selected_responses(
     unit: float | None,
     averages: int,
 ) -> FRF:
-    """The responses of the sites to forces on those sites for which all of them were measured.
+    """The responses of all sites, to forces on the sites for which all responses were measured.
 
     Arguments as for `read_frf`.
     """
@@ -283,11 +283,11 @@ def read_frf(
     path : str or Path
         ``.uff``, ``.unv`` or ``.58``: universal files, data sets 58 and 58b (needs pyuff).
         ``.npz``: arrays `frequency`, `values`, and perhaps `coherence`, `sigma`, `quantity`.
-        Anything else: a table in text, separated by commas, whose first line names its columns:
-        frequency, real and imag, and perhaps coherence and sigma. Units stand in brackets after a
-        name, ``frequency [kHz], real [(mm/s²)/N]``; without one a column is in Hz, SI.
+        Other endings: a text table, separated by commas, whose first line names its columns:
+        frequency, real and imag, and optionally coherence and sigma. Units are in brackets after a
+        name, ``frequency [kHz], real [(mm/s²)/N]``; without a unit a column is in Hz or SI units.
     site : str, int or {name: str or int}, optional
-        Universal files: the site by its entity name, node, or node and axis ("12", "12z"); for
+        For universal files: the site by entity name, node, or node and axis ("12", "12z"); for
         several sites a dict with names of your choice. None: the only driving point in the file.
     quantity : "receptance", "mobility" or "accelerance", optional
         Quantity of tables and arrays; universal files state it.
@@ -304,7 +304,7 @@ def read_frf(
     Raises
     ------
     InputError
-        A file that is missing, cut, damaged or holds no such measurement, in one sentence.
+        A file that is missing, truncated or damaged, or that contains no such measurement.
     MissingDependencyError
         A universal file without pyuff.
     """

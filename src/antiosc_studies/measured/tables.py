@@ -1,4 +1,4 @@
-"""Tables in text: a line that names the columns, units in brackets, then rows of numbers."""
+"""Text tables: a line with the names of columns and units in brackets, then rows of numbers."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def columns_of_table(path: Path) -> list[Column]:
 
 
 def columns_by_name(path: Path, *names: str) -> dict[str, Column]:
-    """The columns of a table by their names, these among them."""
+    """The columns of a table by name, which must include the given names."""
     found = {column.name: column for column in columns_of_table(path)}
     if missing := [name for name in names if name not in found]:
         raise InputError(

@@ -1,25 +1,25 @@
-"""The contract of a contact law.
+"""The rules that every contact law satisfies.
 
 `delta` [m] is the indentation, `rate` [m/s] its time derivative. A law is a frozen dataclass of
 parameters, so that one object can be used in any number of simulations at once. The history of a
 contact (the deepest indentation, the speed of approach) is stored in `state`, a tuple of floats.
 
-1.  `touch(speed, state)` gives the state at first touch (`state` None) or when bodies that had
-    parted meet again; `speed` >= 0 is the closing speed.
-2.  `force` is >= 0 [N] and 0 for delta <= `origin(state)`. For a fixed state and rate it does not
-    fall as delta grows, nor for a fixed delta as the rate grows: an implicit step has one root.
+1.  `touch(speed, state)` gives the state at first touch (`state` None) or when separated bodies
+    touch again; `speed` >= 0 is the closing speed.
+2.  `force` is >= 0 [N] and 0 for delta <= `origin(state)`. At a given state it does not decrease
+    with delta at a fixed rate, or with the rate at a fixed delta: an implicit step has one root.
 3.  `tangent` gives the partial derivatives of `force` by delta [N/m] and rate [N s/m].
 4.  `advance` is called after each accepted step, in order of time, and returns the new state.
-5.  `origin(state)` [m] is where unloading ends and where contact starts again: 0, or the permanent
-    indentation.
-6.  `energy(delta, state)` [J] is the recoverable energy of the contact; `lost(state)` [J] the
-    energy that it has turned into plastic work so far. Over a closed cycle the work done on the
-    contact equals `lost` plus the work of the part of the force that depends on the rate.
-7.  `implicit` solves force and a linear relation between force and motion together. The base class
-    does it for any law that keeps rules 2 and 3; a law overrides it where a closed form is quicker.
+5.  `origin(state)` [m] is the indentation at which unloading ends and contact starts again: 0, or
+    the permanent indentation.
+6.  `energy(delta, state)` [J] is the recoverable energy of the contact; `lost(state)` [J] is the
+    plastic work so far. Over a closed cycle the work done on the contact equals `lost` plus the
+    work of the rate-dependent part of the force.
+7.  `implicit` solves the law together with a linear relation between force and motion. The base
+    class does it for any law that keeps rules 2 and 3; a law may override it by a closed form.
 
-`Compiled` is the base of laws whose functions are kernels of the march's C library
-(`csrc/laws.c`): a subclass gives the kind and the parameters, the formulas are in C alone.
+`Compiled` is the base of laws whose functions are kernels of the C library (`csrc/laws.c`): a
+subclass gives the kind and the parameters; the formulas are in C only.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ FORCE_MARGIN = 1.25
 
 
 class ContactLaw(ABC):
-    """Base of all contact laws: see the module's seven rules."""
+    """Base of all contact laws; see the seven rules in the module."""
 
     #: the force depends on the rate of indentation
     rate_dependent: ClassVar[bool] = False
@@ -67,10 +67,10 @@ class ContactLaw(ABC):
         return float("inf")
 
     def without(self, compliance: float) -> ContactLaw:
-        """This law minus `compliance` [m/N], where it counts the half-space of both bodies.
+        """This law minus `compliance` [m/N], if the law contains the bodies' half-space compliance.
 
-        Hertz's law and those made from it count that indentation, which the compliance of a
-        structure with a patch contains as well. Any other law is taken as given: it returns itself.
+        Hertz's law and laws based on it contain it, and so does the compliance of a structure with
+        a patch. Other laws are not changed: they return themselves.
         """
         return self
 
@@ -99,7 +99,7 @@ class ContactLaw(ABC):
         return state
 
     def origin(self, state: State) -> float:
-        """Indentation [m] at which the bodies part and touch again."""
+        """Indentation [m] at which the bodies separate and touch again."""
         return 0.0
 
     def lost(self, state: State) -> float:
@@ -107,9 +107,9 @@ class ContactLaw(ABC):
         return 0.0
 
     def out_of_range(self, peak: float, radius: float | None) -> str:
-        """Sentence: why a peak force [N] above `valid_force` is doubtful, and the remedy.
+        """Sentence on why a peak force [N] above `valid_force` is doubtful, and on the remedy.
 
-        radius : of the patch [m]; None: a point.
+        radius : radius of the patch [m]; None for a point.
         """
         if not self.compliance:
             return (
@@ -131,9 +131,9 @@ class ContactLaw(ABC):
         )
 
     def enough_radius(self, peak: float, radius: float | None) -> float | None:
-        """Least radius [m] of a patch whose `valid_force` exceeds a peak force [N]; None: none.
+        """Least radius [m] of a patch whose `valid_force` exceeds a peak force [N]; else None.
 
-        radius : that of the present patch [m].
+        radius : radius of the present patch [m].
         """
         if radius is None or not self.compliance:
             return None
@@ -155,8 +155,8 @@ class ContactLaw(ABC):
     def potential(self, delta: float, state: State) -> float:
         """Work [J] of the rate-independent force from the origin, up to a constant of the state.
 
-        Along a step that starts in `state` the work is the difference of two potentials, whether
-        or not the step ends on the virgin loading curve.
+        The work along a step that starts in `state` is the difference of two potentials, also if
+        the step ends on the virgin loading curve.
         """
         new_state = self.advance(delta, 0.0, state)
         return self.energy(delta, new_state) + self.lost(new_state)
@@ -172,8 +172,8 @@ class ContactLaw(ABC):
     ) -> float:
         """The force F [N] that satisfies F = force(delta - alpha F, rate - alpha_rate F).
 
-        `delta` and `rate` are those with F = 0; `alpha` [m/N] and `alpha_rate` [m/(N s)] >= 0 are
-        their decrease per unit force. `guess` is the initial guess of the force.
+        `delta` and `rate` are the values without force; `alpha` [m/N] and `alpha_rate` [m/(N s)]
+        >= 0 are their decrease per unit force. `guess` is an initial guess of the force.
         """
         high = self.force(delta, rate, state)
         if high <= 0.0 or (alpha == 0.0 and alpha_rate == 0.0):
@@ -243,7 +243,7 @@ class Compiled(Checked, ContactLaw):
 
     @cached_property
     def kernel(self) -> tuple[library.CLaw, Array]:
-        """The law as a structure of the C library, and the arrays that it refers to."""
+        """(the law as a structure of the C library, arrays to which it refers)."""
         numbers = np.array(self.parameters(), dtype=float)
         return library.CLaw(self.kind, numbers.size, library.address(numbers), None), numbers
 
@@ -255,7 +255,7 @@ class Compiled(Checked, ContactLaw):
         return {k: v for k, v in self.__dict__.items() if k not in ("kernel", "_address")}
 
     def _force(self, delta: float, rate: float, state: State) -> list[float]:
-        """The force [N], and its derivatives by delta and by rate."""
+        """[force [N], derivative by delta, derivative by rate]."""
         values = _ThreeDoubles()
         begun = _ThreeDoubles(*(state or ())[:3])
         library.library.aom_law_force(self._address, delta, rate, begun, values)
@@ -324,6 +324,6 @@ class Compiled(Checked, ContactLaw):
 
 
 def is_compiled(law: ContactLaw) -> TypeGuard[Compiled]:
-    """Whether the C library has this law; a subclass defined elsewhere may override methods."""
+    """Whether the C library has this law; user subclasses do not count, as they may override."""
     module = type(law).__module__
     return isinstance(law, Compiled) and module.startswith("antiosc.engine.contact.")

@@ -1,4 +1,4 @@
-"""Choice of the contact law that two surfaces need.
+"""Choice of the contact law for two surfaces.
 
 | surfaces | law | source |
 |---|---|---|
@@ -8,11 +8,11 @@
 | curved, a yield strength | `ElasticPlastic`, Hertz up to yield | that law's docstring |
 | curved, none | `Hertz`, elliptic where curvatures differ | Johnson, 4.1-4.2 |
 
-K. L. Johnson, Contact Mechanics, Cambridge 1985. The law does not depend on the speed: it is valid
-below and above yield. Of two materials that yield, the law has the strength of the weaker one; the
-stronger one counts as elastic, with a share that falls as both strengths approach each other
+K. L. Johnson, Contact Mechanics, Cambridge 1985. The choice does not depend on the speed: the law
+is valid below and above yield. If both materials yield, the law has the strength of the weaker one;
+the stronger one counts as elastic, with a share that decreases as the strengths become similar
 (`_elastic_share`). An elliptic contact yields as its `equivalent_circle`. The radius of an edge or
-a corner is an assumption, whose error no error bar covers.
+a corner is assumed; no error bar covers this error.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class Choice:
 
 @lru_cache(maxsize=4096)
 def choose_law(one: Surface, other: Surface, restitution: float | None = None) -> Choice:
-    """The law of the contact of two surfaces, of a known restitution or None; or InputError."""
+    """The contact law for two surfaces; `restitution` if it is known. InputError if none fits."""
     materials = one.matter, other.matter
     elastic = sorted((m for m in materials if not m.rigid), key=lambda m: m.E)
     if not elastic:
@@ -140,7 +140,7 @@ def choose_law(one: Surface, other: Surface, restitution: float | None = None) -
 
 
 def _hollow_reason(one: Surface, other: Surface) -> str:
-    """Why two surfaces that fit into each other have no law, and what can be done."""
+    """Reason why two surfaces that fit into each other have no law, with the remedy."""
     deepest = min(surface.curvatures[0] for surface in (one, other))
     remedy = "give the law of the contact (its kind and stiffness)"
 
@@ -164,8 +164,7 @@ def _strength(matter: Matter) -> float:
 def _elastic_share(
     soft: Matter, other: Matter, modulus: float
 ) -> tuple[float, tuple[float, float] | None]:
-    """(`elastic_share` of the law, its possible interval or None if exact); `modulus` is E*
-    [Pa]."""
+    """(`elastic_share` of the law, its possible interval or None if exact); modulus: E* [Pa]."""
     largest_share = 0.0 if other.rigid else (1 - other.nu**2) / other.E * modulus
     ratio = _strength(other) / _strength(soft)
     if largest_share == 0.0 or ratio >= ELASTIC_STRENGTH_RATIO:

@@ -1,4 +1,4 @@
-"""`Curvature`: how a surface is curved at a point, as a contact law needs it."""
+"""`Curvature`: the curvature of a surface at a point, for contact laws."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ class Curvature(ReprMixin):
 
     @property
     def radii(self) -> tuple[float, float]:
-        """Principal radii [m] in the order of `values`: inf flat, < 0 concave, NaN sharp."""
+        """Principal radii [m] in the order of `values`: inf if flat, < 0 concave, NaN sharp."""
         first, second = (1 / float(k) if k else inf for k in self.values)
         return first, second
 
     def beyond(self, distance: float) -> Curvature:
-        """Curvature of the parallel surface at this distance [m] outward, as a face of a shell."""
+        """Curvature of the parallel surface at a distance [m] outward, such as a shell's face."""
         stretch = 1 + self.values * distance
         change = 1 / float(np.min(np.abs(stretch))) ** 2 if np.isfinite(stretch).all() else 1.0
         values = self.values / stretch

@@ -22,9 +22,9 @@ class Dent(ReprMixin):
 
     Attributes
     ----------
-    depth : its depth [m].
-    radius : radius of its rim [m]; None: the law does not give it.
-    volume : its volume [m^3]; None: the law does not give it.
+    depth : depth [m].
+    radius : radius of the rim [m]; None if the law does not give it.
+    volume : volume [m^3]; None if the law does not give it.
     """
 
     depth: float
@@ -44,7 +44,7 @@ class Dent(ReprMixin):
 
 
 def dent_of(law: ContactLaw, deepest: float) -> Dent | None:
-    """The dent of a law after a largest indentation [m]; None for an elastic law."""
+    """The dent of a law after the largest indentation `deepest` [m]; None for an elastic law."""
     if not isinstance(law, Hysteretic) or deepest <= 0:
         return None
 
@@ -59,6 +59,6 @@ def dent_of(law: ContactLaw, deepest: float) -> Dent | None:
 
 
 def rim_radius(law: ElasticPlastic, deepest: float) -> float:
-    """Radius [m] of the contact at a deepest indentation [m]: the rim of its dent."""
+    """Radius [m] of the contact at its largest indentation [m]: the rim of the dent."""
     x = deepest / law.yield_indentation
     return sqrt(float(np.interp(log(x), np.log(RIM_TABLE[0]), RIM_TABLE[1])) * law.radius * deepest)

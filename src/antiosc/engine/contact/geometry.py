@@ -1,4 +1,4 @@
-"""Hertz's contact: its stiffness, and the stresses under it, which no mesh resolves.
+"""Hertz's contact: its stiffness, and the stresses under it, which meshes do not resolve.
 
 K. L. Johnson, Contact Mechanics, Cambridge University Press 1985, sections 3.4 and 4.1-4.2. The
 stresses in the half-space: M. T. Huber, Annalen der Physik 319 (1904) 153; A. C. Fischer-Cripps,
@@ -40,7 +40,7 @@ def effective_modulus(E1: float, nu1: float, E2: float | None, nu2: float | None
 
 
 def relative_curvatures(radii1: Radii, radii2: Radii, angle: float) -> tuple[float, float]:
-    """A <= B [1/m] of the gap A x^2 + B y^2 of surfaces at an angle [degree] (4.3)-(4.5)."""
+    """A <= B [1/m] of the gap A x^2 + B y^2 between surfaces at an angle [degree], (4.3)-(4.5)."""
     first = _curvatures("radii1", radii1)
     second = _curvatures("radii2", radii2)
     A, B = relative_of_curvatures(first, second, angle)
@@ -71,7 +71,7 @@ def hertz_stiffness(E_star: float, A: float, B: float) -> float:
 
 
 class EquivalentCircle(NamedTuple):
-    """The circular contact in place of an elliptic one; `error`: relative, of its force."""
+    """The circular contact that replaces an elliptic one; `error`: relative error of the force."""
 
     modulus: float
     radius: float
@@ -81,11 +81,11 @@ class EquivalentCircle(NamedTuple):
 def equivalent_circle(E_star: float, A: float, B: float) -> EquivalentCircle:
     """The circular contact with the stiffness and, at each indentation, the pressure of an ellipse.
 
-    So it yields where the ellipse does, except for slender ellipses, and has its area,
+    It therefore yields where the ellipse does, except for slender ellipses, and has the same area,
     pi R delta. In full plasticity the area of the ellipse is 2 pi delta/(2 sqrt(A B)), larger by 2,
-    6, 13 % for B/A = 3, 10, 50; the pressure of a line is (2 + pi)/sqrt(3) Y, 6 % above a ball's
-    2.8 Y (R. Hill, The Mathematical Theory of Plasticity, 1950). The error is the sum of both; by
-    finite elements it is 1 and 4 % for B/A = 3 and 10 (measured).
+    6, 13 % for B/A = 3, 10, 50; the pressure of a line contact is (2 + pi)/sqrt(3) Y, 6 % above
+    2.8 Y of a ball (R. Hill, The Mathematical Theory of Plasticity, 1950). The error is the sum of
+    both; by finite elements it is 1 and 4 % for B/A = 3 and 10 (measured).
     """
     if A == B:
         return EquivalentCircle(E_star, 1 / (2 * A), 0.0)
@@ -105,8 +105,7 @@ def _ellipse(ratio: float) -> tuple[float, float, float]:
     from scipy.optimize import brentq  # loaded where it is used: it takes long
 
     def excess(y: float) -> float:
-        """The law for the contact of two surfaces; `restitution` if it is known. Else
-        InputError."""
+        """Logarithm of B/A for (b/a)^2 = exp(y), minus the logarithm of the required ratio."""
         m1, D, K = _integrals(exp(y))
         return log((K - D) / (m1 * D) / ratio)
 
@@ -193,7 +192,7 @@ class ContactStress(ReprMixin):
     radius : radius a of the contact, m.
     pressure : largest pressure p0, in the middle, Pa.
     shear : largest shear stress, on the axis, Pa.
-    depth : below the surface at which it acts, m.
+    depth : depth of the largest shear stress below the surface, m.
     tension : radial tensile stress at the edge of the contact, (1 − 2ν) p0/3, Pa.
     """
 
@@ -208,17 +207,16 @@ class ContactStress(ReprMixin):
 def contact_stress(
     impactor: object, force: float, E: float, nu: float, radius: float = np.inf
 ) -> ContactStress:
-    """Hertz's stresses where a sphere or a spherical tip presses on an elastic surface.
+    """Hertz's stresses under a sphere or a spherical tip that presses on an elastic surface.
 
-    p0 = 3F/(2πa²) with a³ = 3FR/(4E*); the stresses on the axis: K. L. Johnson, *Contact
-    Mechanics* (1985), (3.45). They hold as long as nothing yields and a is small against both
-    radii.
+    p0 = 3F/(2πa²) with a³ = 3FR/(4E*); stresses on the axis are from K. L. Johnson, *Contact
+    Mechanics* (1985), (3.45). They hold if nothing yields and a is small against both radii.
 
     Parameters
     ----------
     impactor : Sphere or RigidMass with tip_radius, E and nu
     force : float
-        [N], for instance `hit.peak_force`.
+        Force [N], for instance `hit.peak_force`.
     E, nu : float
         Young's modulus [Pa] and Poisson's ratio of the struck surface.
     radius : float
@@ -227,7 +225,7 @@ def contact_stress(
     Raises
     ------
     InputError
-        An impactor without a radius and constants; a hollow that fits the impactor.
+        An impactor without a radius and constants; a hollow of the impactor's radius or less.
     """
     tip = getattr(impactor, "radius", None) or getattr(impactor, "tip_radius", None)
     own_E = getattr(impactor, "E", None)

@@ -1,18 +1,19 @@
 """Contact laws: powers of the indentation with or without damping, and laws that yield.
 
 Powers F = k delta^n may be damped: F = k delta^n (1 + d delta'/v0) >= 0. v0 is the speed of
-approach of the present contact (1 % of the fastest so far, at least) and d follows from a
+approach of the present contact (at least 1 % of the largest so far), and d follows from a
 coefficient of restitution e. For two free rigid bodies the motion has the first integral
-d (1 + e') = ln[(1 + d)/(1 - d e')] between d and the ratio e' of parting and closing speed,
-whatever k, n and the masses; among the laws here only Gonthier's returns e itself.
+d (1 + e') = ln[(1 + d)/(1 - d e')] between d and the ratio e' of separation and closing speed, for
+any k, n and masses; among the laws here only Gonthier's gives e' = e.
 
-Laws with a permanent indentation have one form. Virgin loading follows F_l(delta). Unloading from a
-turning point (delta_t, F_t) falls to the permanent indentation delta_p of the deepest one delta_m,
+All laws with a permanent indentation have the same form. Virgin loading follows F_l(delta).
+Unloading from a turning point (delta_t, F_t) decreases to the permanent indentation delta_p, which
+depends on the largest indentation delta_m,
 
     F = F_t U((delta - delta_p)/(delta_t - delta_p)),
 
-and reloading, up to (delta_m, F_m), climbs F = F_m V((delta - delta_p)/(delta_m - delta_p)). Once
-the bodies have parted, the next contact reloads from delta_p.
+and reloading follows F = F_m V((delta - delta_p)/(delta_m - delta_p)) up to (delta_m, F_m). After
+the bodies have separated, the next contact reloads from delta_p.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ from antiosc.engine.contact.geometry import (
 
 
 def _range_check(text: str, fits: Callable[[float], bool]) -> Callable[[str, object], float]:
-    """A check (name, value) -> number; InputError with the rule `text` unless it fits."""
+    """A check (name, value) -> number; InputError with the rule `text` unless `fits(number)`."""
 
     def check(name: str, value: object) -> float:
         result = checks.number(name, value)
@@ -65,8 +66,8 @@ class Patched(Compiled):
     """Base of laws with a `compliance` c [m/N] >= 0: F = f(delta + c F).
 
     c is subtracted for a structure whose compliance contains the half-space compliance of a contact
-    patch. At `valid_force` c is 0.7 of the flexibility of the law in loading or unloading; beyond,
-    this share is kept, and `simulate` then raises AccuracyError. Energies beyond are approximate.
+    patch. At `valid_force` c is 0.7 of the flexibility of the law in loading or unloading. Beyond
+    this force the share 0.7 is kept, energies are approximate, and `simulate` raises AccuracyError.
     """
 
     compliance: float = field(
@@ -87,9 +88,9 @@ class Power(Compiled):
     Parameters
     ----------
     stiffness : float
-        [N/m^exponent], > 0.
+        Stiffness [N/m^exponent], > 0.
     exponent : float
-        >= 1.
+        Exponent, >= 1.
     """
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m^exponent"))
@@ -100,7 +101,7 @@ class Power(Compiled):
 
 @dataclass(frozen=True, repr=False)
 class Linear(Compiled):
-    """F = stiffness * delta, a spring that can only push. `stiffness` in N/m."""
+    """F = stiffness * delta >= 0, a spring that can only push. `stiffness` in N/m."""
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m"))
 
@@ -109,7 +110,7 @@ class Linear(Compiled):
 
 @dataclass(frozen=True, repr=False)
 class Punch(Patched, Linear):
-    """Law of a rigid punch on a half-space, which keeps a compliance above 0.7 of 1/stiffness."""
+    """Law of a rigid flat punch on a half-space; a patch compliance above 0.7/stiffness is kept."""
 
     def without(self, compliance: float) -> Self:
         return (
@@ -121,23 +122,24 @@ class Punch(Patched, Linear):
 
 @dataclass(frozen=True, repr=False)
 class Hertz(Compiled):
-    """Hertz's law F = stiffness * delta^(3/2), optionally with less indentation by c F.
+    """Hertz's law F = stiffness * delta^(3/2), optionally with an indentation smaller by c F.
 
     Parameters
     ----------
     stiffness : float
         k_H [N m^-3/2], > 0.
     compliance : float
-        c [m/N], >= 0: the indentation is (F/k_H)^(2/3) - c F. This is for a structure whose
-        compliance already contains the half-space compliance of a contact patch.
+        c [m/N], >= 0: the indentation is (F/k_H)^(2/3) - c F, for a structure whose compliance
+        already contains the half-space compliance of a contact patch.
 
     Notes
     -----
     The law with c holds while the indentation grows with the force, F < F_lim = (2/(3c))^3/k_H^2.
-    With rho = (F/F_lim)^(1/3) the flexibility left is 1 - rho of Hertz's own, so a relative error e
-    in c becomes e rho/(1 - rho) in the tangent. `valid_force` is where rho = 0.7: 2 % of c are then
-    less than 5 % of the tangent (the contact radius is 0.58 of the patch's). Beyond, the law goes
-    on along its tangent, so that a run can complete; `simulate` raises AccuracyError.
+    With rho = (F/F_lim)^(1/3), the remaining flexibility is 1 - rho times Hertz's, so that a
+    relative error e of c becomes e rho/(1 - rho) in the tangent. `valid_force` has rho = 0.7: an
+    error of 2 % in c is then less than 5 % in the tangent (the contact radius is 0.58 of the patch
+    radius). Beyond, the law continues along its tangent, so that a run can complete; `simulate`
+    then raises AccuracyError.
     """
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N m^-3/2"))
@@ -182,9 +184,9 @@ class Hertz(Compiled):
             Principal radii [m] of each surface: one number for a sphere, `inf` for flat, negative
             for hollow, (r, inf) for a cylinder.
         E1, nu1, E2, nu2 : float
-            Young's modulus [Pa] and Poisson's ratio; E2 None: body 2 is rigid; nu2 None: as nu1.
+            Young's modulus [Pa] and Poisson's ratio; E2 None: body 2 is rigid; nu2 None: nu1.
         angle : float
-            Between the planes of the first radii [degree]; 90 for crossed cylinders.
+            Angle between the planes of the first radii [degree]; 90 for crossed cylinders.
         """
         A, B = relative_curvatures(radii1, radii2, checks.number("angle", angle, "degree"))
         return cls(hertz_stiffness(effective_modulus(E1, nu1, E2, nu2), A, B))
@@ -202,7 +204,7 @@ HERTZ_EXPONENT = 1.5
 class _Damped(Patched):
     """F = stiffness * delta^exponent * (1 + d * rate/v0), never negative.
 
-    stiffness [N/m^exponent] > 0; restitution 0 < e <= 1; exponent >= 1, 1.5 is Hertz's.
+    stiffness [N/m^exponent] > 0; restitution 0 < e <= 1; exponent >= 1 (1.5 as in Hertz's law).
     """
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m^exponent"))
@@ -225,7 +227,7 @@ class _Damped(Patched):
     @staticmethod
     @abstractmethod
     def _factor(e: float) -> float:
-        """d for a coefficient of restitution e."""
+        """The damping factor d for a coefficient of restitution e."""
 
 
 class HuntCrossley(_Damped):
@@ -239,8 +241,8 @@ class HuntCrossley(_Damped):
 class LankaraniNikravesh(_Damped):
     """d = 3 (1 - e^2)/4. H. M. Lankarani, P. E. Nikravesh, J. Mech. Des. 112 (1990) 369-376.
 
-    Derived for e near 1: rigid bodies with e = 0.9, 0.7, 0.5 part with 0.91, 0.80, 0.73; `Gonthier`
-    has no such limit.
+    Derived for e near 1: for e = 0.9, 0.7, 0.5 rigid bodies rebound with 0.91, 0.80, 0.73;
+    `Gonthier` has no such limit.
     """
 
     @staticmethod
@@ -251,7 +253,7 @@ class LankaraniNikravesh(_Damped):
 class Flores(_Damped):
     """d = 8 (1 - e)/(5 e). P. Flores et al., Multibody Syst. Dyn. 25 (2011) 357-375.
 
-    Rigid bodies with e = 0.9, 0.7, 0.5 part with 0.89, 0.68, 0.47.
+    For e = 0.9, 0.7, 0.5 rigid bodies rebound with 0.89, 0.68, 0.47.
     """
 
     @staticmethod
@@ -260,7 +262,7 @@ class Flores(_Damped):
 
 
 class Gonthier(_Damped):
-    """Damping d with which free bodies part with e exactly: (1 + d)/(1 - e d) = exp(d (1 + e)).
+    """Damping d with the exact restitution e of free bodies: (1 + d)/(1 - e d) = exp(d (1 + e)).
 
     Y. Gonthier et al., Multibody Syst. Dyn. 11 (2004) 209-233; their d = (1 - e^2)/e is the
     closed-form approximation of this root.
@@ -292,13 +294,13 @@ class Hysteretic(Patched):
     size: ClassVar[int] = 3
 
     def permanent(self, deepest: float) -> float:
-        """Permanent indentation delta_p [m] after a deepest one, 0 <= delta_p < deepest."""
+        """Permanent indentation delta_p [m] after the largest one, 0 <= delta_p < deepest."""
         return self.origin((deepest, 0.0, 0.0))
 
 
 @lru_cache(maxsize=64)
 def yield_factor(nu: float) -> float:
-    """Hertz's largest pressure at first yield over the yield strength (Johnson 1985, 3.4)."""
+    """Ratio of Hertz's largest pressure at first yield to yield strength (Johnson 1985, 3.4)."""
     s = 0.48  # depth over the contact radius
 
     for _ in range(6):  # Newton on the slope of the stress along the axis
@@ -328,7 +330,7 @@ STRAIN_ERRORS = 0.45, 0.3
 
 @dataclass(frozen=True, repr=False)
 class ElasticPlastic(Hysteretic):
-    """Sphere and flat, elastic and perfectly plastic: Hertz's law up to first yield, and beyond.
+    """Elastic, perfectly plastic sphere and flat: Hertz's law up to first yield, and beyond it.
 
     Parameters
     ----------
@@ -339,28 +341,28 @@ class ElasticPlastic(Hysteretic):
     yield_strength : float
         Y [Pa] of the side that yields first, the softer one.
     nu : float
-        Its Poisson's ratio.
+        Poisson's ratio of the side that yields first.
     elastic_share : float
-        Share of the flexibility 1/E* that the other side has, which stays elastic: 0 of a rigid
-        one, 0.5 of one that is as stiff; 0 too where both sides are alike and both yield.
+        Share of the flexibility 1/E* of the other side, which stays elastic: 0 for a rigid side,
+        0.5 for an equally stiff one; also 0 if both sides are equal and both yield.
     compliance : float
-        c [m/N], >= 0: half-space compliance of a patch, which the structure has already.
+        c [m/N], >= 0: half-space compliance of a patch, which the structure already contains.
 
     Attributes
     ----------
     stiffness : float
         Hertz's k [N m^-3/2].
     yield_indentation, yield_force : float
-        [m], [N] at first yield; below, the law is Hertz's.
+        Indentation [m] and force [N] at first yield; below, the law is Hertz's.
 
     Notes
     -----
     Force and permanent indentation are curves of x = delta/yield_indentation, fitted to finite
-    elements (benchmarks/elastoplastic): for small strains one curve holds for all E*/Y; an elastic
-    side changes it with its share to the power 1.5. For nu = 0.2 to 0.45 and shares to 0.74 the
-    force is within 2.8 % of them to x = 100, 3.7 % to 300, restitution within 0.02; see `error_at`.
-    Unloading goes with the power 1.25 + 0.25/sqrt(x) of the indentation beyond the permanent one,
-    and reloading goes back along it.
+    elements (benchmarks/elastoplastic). For small strains one curve holds for all E*/Y; an elastic
+    side changes it with its share to the power 1.5. For nu = 0.2 to 0.45 and shares up to 0.74, the
+    force is within 2.8 % of finite elements up to x = 100, 3.7 % up to 300, the restitution within
+    0.02; see `error_at`. The unloading force is proportional to the power 1.25 + 0.25/sqrt(x) of
+    the indentation beyond the permanent one; reloading follows the same curve.
     """
 
     modulus: float = field(metadata=checked_by(checks.positive, "Pa"))
@@ -388,12 +390,12 @@ class ElasticPlastic(Hysteretic):
         return self.stiffness * self.yield_indentation**1.5
 
     def error_at(self, depth: float) -> tuple[float, float]:
-        """(relative error of the force, error of restitution) at an indentation [m] with the patch.
+        """(relative error of force, error of restitution) at an indentation [m] with the patch's.
 
         They are the largest differences from small-strain finite elements with nu = 0.2 to 0.45,
         elastic shares up to 0.74, without hardening and with E/50 (benchmarks/elastoplastic), at
         equal indentation, plus the effect of finite strain. Beyond 300 yield indentations they are
-        an estimate that grows; below yield they are 0.
+        an increasing estimate; below yield they are 0.
         """
         depth = checks.nonnegative("depth", depth, "m")
         if depth <= self.yield_indentation:
@@ -407,7 +409,7 @@ class ElasticPlastic(Hysteretic):
         return float(force) + of_force * strain, float(restitution) + of_restitution * strain
 
     def yield_speed(self, mass: float) -> float:
-        """Closing speed [m/s] from which a contact of bodies with a reduced mass [kg] yields."""
+        """Closing speed [m/s] above which a contact of bodies with a reduced mass [kg] yields."""
         work = 0.4 * self.yield_force * self.yield_indentation
         return sqrt(2 * work / checks.positive("mass", mass, "kg"))
 
@@ -420,9 +422,9 @@ class Thornton(Hysteretic):
     pressure of 1.6 Y is 19, 42, 57, 66, 72 % low at 3, 10, 30, 100, 300 yield indentations; with
     2.8 Y it is 6, -7, -27, -42, -52 % off: pressure and contact area grow, as in `ElasticPlastic`.
 
-    Hertz's law up to the yield indentation; beyond, the pressure is cut off and the force goes on
-    along the tangent; unloading is Hertzian with the flattened radius R F_e/F_m, F_e being Hertz's
-    force at the deepest indentation, so that delta_p = delta_m (1 - F_m/F_e).
+    Hertz's law up to the yield indentation. Beyond it, the pressure is limited and the force
+    continues along the tangent. Unloading is Hertzian with the flattened radius R F_e/F_m, where
+    F_e is Hertz's force at the largest indentation, so that delta_p = delta_m (1 - F_m/F_e).
 
     Parameters
     ----------
@@ -440,7 +442,7 @@ class Thornton(Hysteretic):
     @classmethod
     @checks.within_range
     def from_material(cls, E_star: float, radius: float, yield_pressure: float) -> Thornton:
-        """From E* [Pa], relative radius [m] and contact pressure at yield p_y [Pa] (1.6 Y).
+        """The law from E* [Pa], relative radius [m] and contact pressure at yield p_y [Pa] (1.6 Y).
 
         delta_y = R (pi p_y/(2 E*))^2.
         """
@@ -479,11 +481,10 @@ class Tabulated(Hysteretic):
     Notes
     -----
     Unloading from another depth delta_m has the same shape, scaled by delta_m along the
-    indentation and by F(delta_m) along the force; reloading goes back along it. So the permanent
-    indentation is the same share of every depth: for contacts that yield the share grows with the
-    depth (see `ElasticPlastic`), so give an unloading curve from about the depth of the impact.
-    Beyond the last point the loading curve goes on along its end tangent and `valid_force` is
-    exceeded.
+    indentation and by F(delta_m) along the force; reloading follows the same curve. The permanent
+    indentation is thus a fixed share of the depth, but in a yielding contact the share grows with
+    the depth (see `ElasticPlastic`): give an unloading curve from about the depth of the impact.
+    Beyond the last point the loading curve continues along its end tangent, above `valid_force`.
     """
 
     kind: ClassVar[int] = library.TABLE
@@ -556,7 +557,7 @@ class Tabulated(Hysteretic):
 
 
 def _interpolant(x: Array, y: Array) -> list[float]:
-    """PCHIP interpolant as C reads it: knots, four rows of coefficients, last value, last slope."""
+    """PCHIP interpolant for C: knots, four rows of coefficients, last value, last slope."""
     from scipy.interpolate import PchipInterpolator  # loaded where it is used
 
     cubic = PchipInterpolator(x, y)
@@ -565,7 +566,7 @@ def _interpolant(x: Array, y: Array) -> list[float]:
 
 
 def _unloading(unloading: tuple[ArrayLike, ArrayLike], x: Array, F: Array) -> tuple[Array, Array]:
-    """The checked unloading curve, which must end where the loading curve (x, F) does."""
+    """The checked unloading curve, which must end at the last point of the loading curve (x, F)."""
     if not isinstance(unloading, list | tuple) or len(unloading) != 2:
         raise InputError(
             "unloading must be a pair (indentation, force) of the unloading curve; got"

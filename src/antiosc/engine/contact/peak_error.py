@@ -1,4 +1,4 @@
-"""The error of a peak force by the contact's law, without another run."""
+"""The error of a peak force due to the contact law, estimated without another run."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | N
 
 
 def error_of_law(choice: Choice, peak: float) -> float:
-    """Relative error of a peak force [N] by its law, without that of the yield strength."""
+    """Relative error of a peak force [N] due to its law, without the yield strength's error."""
     law = choice.law
     factors = stiffness_factors(choice, _strain(choice, peak))
     error = choice.curvature_error
@@ -56,7 +56,7 @@ def error_of_law(choice: Choice, peak: float) -> float:
 
 
 def unknown_error(choice: Choice, peak: float) -> str:
-    """Why the error of a peak force [N] by its law is not known; "" if it is known."""
+    """Reason why the error of a peak force [N] due to its law is unknown; "" if it is known."""
     strain = _strain(choice, peak)
     largest = largest_strain(choice)
     reasons = [choice.unknown]
@@ -69,7 +69,8 @@ def unknown_error(choice: Choice, peak: float) -> str:
 
 
 def weakest_and_strongest(choice: Choice, peak: float, contact_time: float) -> list[ElasticPlastic]:
-    """Laws with the least and the largest strength at the contact's strain rate, if they matter."""
+    """Laws with the lowest and the highest strength at the contact's strain rate; [] if yielding
+    does not matter."""
     law = choice.law
     soft = choice.soft
     if not isinstance(law, ElasticPlastic) or soft is None:
@@ -85,7 +86,7 @@ def weakest_and_strongest(choice: Choice, peak: float, contact_time: float) -> l
 
 
 def largest_strain(choice: Choice) -> float:
-    """Largest indentation over radius for which the effect of large strains is known."""
+    """Largest ratio of indentation to radius for which the effect of large strains is known."""
     return LARGEST_BALL_STRAIN if choice.soft_ball else LARGEST_STRAIN
 
 
@@ -106,7 +107,7 @@ def mean_strain_rate(law: ElasticPlastic, depth: float, contact_time: float) -> 
 
 
 def _strain(choice: Choice, peak: float) -> float:
-    """Indentation over relative radius at a peak force [N]; 0 if it yields, and for other laws."""
+    """Indentation over relative radius at a peak force [N]; 0 beyond yield and for other laws."""
     law = choice.law
     yields = isinstance(law, ElasticPlastic) and peak > law.yield_force
     if yields or not isinstance(law, ElasticPlastic | Hertz | Gonthier):

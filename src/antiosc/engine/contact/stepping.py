@@ -1,4 +1,4 @@
-"""Contacts of bodies that move in given steps: their forces at the end of a step, by the laws."""
+"""Contacts of bodies in given time steps: their forces at the end of a step, by their laws."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class StepEnd(NamedTuple):
 class Contacts:
     """The contacts of a run: whether each is closed, the state of its law, and the events.
 
-    R : (m, m) compliance without inertia [m/N]; least_speeds : (m,) least closing speeds [m/s].
-    An event is (time [s], contact, 1 if it touches or 0 if it parts, closing speed [m/s]).
+    R : (m, m) massless compliance [m/N]; least_speeds : (m,) least closing speeds [m/s].
+    An event is (time [s], contact, 1 for a touch or 0 for a release, closing speed [m/s]).
     """
 
     def __init__(
@@ -49,11 +49,11 @@ class Contacts:
 
     @property
     def touches(self) -> int:
-        """Number of touches up to now."""
+        """Number of touches so far."""
         return sum(event[2] for event in self.events)
 
     def origin(self, c: int) -> float:
-        """Indentation [m] at which a contact touches and parts."""
+        """Indentation [m] at which a contact touches and opens."""
         state = self.states[c]
         return 0.0 if state is None else self.laws[c].origin(state)
 
@@ -78,8 +78,8 @@ class Contacts:
     ) -> StepEnd:
         """Forces, indentations and rates at the end of a step of length h [s] from t [s].
 
-        last : those at its start; free, speed : (m,) indentations and rates at its end without
-        forces there; A, A_rate : (m, m) their decreases by unit forces.
+        last : values at the start of the step; free, speed : (m,) indentations and rates at its end
+        without forces there; A, A_rate : (m, m) their decreases per unit force.
         """
         for c, closed in enumerate(self.closed):
             if not closed and free[c] > self.origin(c):

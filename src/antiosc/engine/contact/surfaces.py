@@ -1,4 +1,4 @@
-"""Material and shape of a surface, from which the law of its contact follows."""
+"""Material and shape of a surface, by which a contact law is chosen."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ class Matter:
 
     @property
     def rubbery(self) -> bool:
-        """Whether its elastic constants are those of rubber, which does not yield."""
+        """Whether the elastic constants are typical of rubber, which does not yield."""
         return self.E <= RUBBER_E and self.nu >= RUBBER_NU and self.yield_strength is None
 
     def strengths_at(self, strain_rate: float) -> tuple[float, float]:
-        """Bounds of the yield strength [Pa], of slow tests and at a strain rate [1/s]."""
+        """(lowest, highest) yield strength [Pa] between slow tests and a strain rate [1/s]."""
         slow_strength = self.yield_strength or 0.0
         low, high = self.yield_range or (slow_strength, slow_strength)
         if self.rate is None:
@@ -69,7 +69,7 @@ RIGID_MATTER = Matter(inf)
 
 
 def crack_note(sides: Iterable[Matter]) -> str:
-    """Sentence that cracks of brittle sides of a contact are not computed; "" without any."""
+    """Sentence: cracks of the brittle sides of a contact are not computed; "" if none is."""
     names = dict.fromkeys(m.name or "the brittle side" for m in sides if m.tensile is not None)
     if not names:
         return ""
@@ -78,7 +78,7 @@ def crack_note(sides: Iterable[Matter]) -> str:
 
 @dataclass(frozen=True)
 class Surface:
-    """The surface of a body at a place of contact."""
+    """The surface of a body at a contact."""
 
     matter: Matter  # its material
     #: principal curvatures [1/m], ascending; < 0: hollow; for an edge or a corner those of the
@@ -102,7 +102,7 @@ class Surface:
 
     @classmethod
     def of(cls, table: Mapping[str, Any]) -> Surface:
-        """The surface that `as_dict` wrote; InputError for another table."""
+        """The surface from a table of `as_dict`; InputError for other tables."""
         try:
             values = {key: _tuple(value) for key, value in table.items()}
             material_values = {key: _tuple(value) for key, value in table["matter"].items()}
@@ -127,7 +127,7 @@ def matter_of(
     nu: float | None = None,
     yield_strength: float | None = None,
 ) -> Matter | None:
-    """The properties of a material, a name or an object; given constants replace its own."""
+    """The properties of a material (name or object); given constants replace its own."""
     if material is None:
         if E is None:
             return None
@@ -161,7 +161,7 @@ def matter_of(
 
 
 def density_of(material: object) -> float:
-    """Density [kg/m^3] of a material by its name, or of an object that has one."""
+    """Density [kg/m^3] of a material, given by name or as an object with `rho`."""
     if isinstance(material, str):
         from antiosc.base import materials  # loaded where it is used
 
@@ -181,7 +181,7 @@ def _by_name(name: str) -> Matter | None:
 
 
 def isotropic(material: object) -> Matter | None:
-    """The constants of a `Solid`, a `Shell`, a `Beam` or a record; None if it has directions."""
+    """The constants of a `Solid`, `Shell`, `Beam` or record; None if it is anisotropic."""
     E = getattr(material, "E", None)
     nu = getattr(material, "nu", None)
     if not isinstance(E, int | float) or not isinstance(nu, int | float):

@@ -1,6 +1,6 @@
-"""`assemble`: one structure of several parts whose dofs follow u = T q from constraints C u = 0.
+"""`assemble`: one structure of several parts; constraints C u = 0 make their dofs u = T q.
 
-A row is solved for a dof that occurs in no other row, as long as there are such rows (a triangular
+As long as a row contains a dof that occurs in no other row, it is solved for that dof (a triangular
 elimination, which keeps T sparse). The remaining rows, which overlap or form cycles, are solved in
 connected blocks by a pivoted QR factorization, which also detects dependent rows.
 """
@@ -78,15 +78,15 @@ MOST_POINT_ROWS = 24
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """Rows C (m, n + k) of constraints; each is solved for its `pivot` dof (-1: any of its dofs),
-    and `owner` is the index of its label in `labels`."""
+    """Rows C (m, n + k) of constraints. A row is solved for its `pivot` dof (-1: any of its dofs);
+    `owner` is the index of its label in `labels`."""
 
     C: Sparse
     pivot: IntArray
     owner: IntArray
     #: name of each owner; empty for supports
     labels: Sequence[str]
-    #: typical size of each dof; 0 for prescribed values, for which no row is solved
+    #: typical size of each dof; 0 for columns of prescribed values, which are never pivots
     scale: Array
 
     def names(self, rows: IntArray) -> str:
@@ -97,8 +97,9 @@ class _System:
 def eliminate(
     rows: Sequence[Rows], fixed: BoolArray, scale: Array, prescribed: Array | None = None
 ) -> Eliminated:
-    """Motions u = T q that meet constraints, supports first, with zero dofs `fixed` and typical
-    sizes `scale` (n,) of dofs; `prescribed` (m, k): sets of values for `Eliminated.particular`."""
+    """Motions u = T q that satisfy the constraints `rows` (supports first) and are zero at `fixed`
+    dofs. `scale` (n,): typical sizes of dofs; `prescribed` (m, k): k sets of right-hand sides, for
+    which `Eliminated.particular` is computed."""
     n = len(fixed)
     C = scipy.sparse.vstack([Sparse((0, n)), *(r.matrix for r in rows)]).tocsr()
     pivot = np.concatenate([np.zeros(0, dtype=int), *(r.pivot for r in rows)])
@@ -170,8 +171,8 @@ def _solved(system: _System) -> tuple[Sparse, IntArray, Counter[str]]:
 
 
 def _triangular_rounds(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]:
-    """([(rows, dofs for which they are solved)] by rounds, remaining rows); no later row contains
-    these dofs."""
+    """([(rows, pivot dofs)] of each round of triangular elimination, remaining rows). Rows of later
+    rounds do not contain the pivot dofs of earlier ones."""
     rounds: list[tuple[IntArray, IntArray]] = []
     remaining = np.arange(system.C.shape[0])
     while len(remaining):
@@ -195,7 +196,7 @@ def _triangular_rounds(system: _System) -> tuple[list[tuple[IntArray, IntArray]]
 
 
 def _solved_for_pivots(C: Sparse, pivots: IntArray) -> Sparse:
-    """Rows of C solved for their pivots: functionals of other dofs that equal them."""
+    """Rows of C solved for their pivots: each row gives its pivot dof in terms of other dofs."""
     row = row_numbers(C)
     is_pivot = C.indices == pivots[row]
     pivot_values = np.zeros(C.shape[0])
@@ -221,7 +222,7 @@ def _substituted(T: Sparse, solved: Sparse, pivots: IntArray) -> Sparse:
 
 
 def _solved_blocks(system: _System, remaining: IntArray) -> tuple[Sparse, IntArray, Counter[str]]:
-    """(solved rows, their dofs, number of redundant rows by joint) of rows that share dofs."""
+    """(solved rows, their pivots, number of redundant rows by joint) of rows that share dofs."""
     pattern = abs(system.C[remaining][:, system.scale > 0])
     count, block = scipy.sparse.csgraph.connected_components(pattern @ pattern.T, directed=False)
     order = np.argsort(block, kind="stable")
@@ -242,7 +243,7 @@ def _solved_blocks(system: _System, remaining: IntArray) -> tuple[Sparse, IntArr
 
 
 def _solved_block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, IntArray]:
-    """Solve one block of coupled rows: (solved rows, their dofs, redundant rows)."""
+    """Solve one block of coupled rows: (solved rows, their pivot dofs, redundant rows)."""
     C = system.C[rows]
     if C.shape[0] > LARGEST_BLOCK:
         raise InputError(
@@ -334,9 +335,9 @@ def assemble(
     ----------
     parts : dict
         Name -> Structure of a mesh, of any family, order and material, with its own supports. One
-        Structure may stand under several names. A part may also be a superelement: a model of
-        several sites (`extract(structure, {name: Site, ...})`), whose sites "part:name" joints act
-        on, or `Structure.from_matrices(K, M, map=...)` with coordinates, by "part:number" of nodes.
+        Structure may have several names. A part may also be a superelement: a model of several
+        sites (`extract(structure, {name: Site, ...})`), joined at its sites "part:name"; or
+        `Structure.from_matrices(K, M, map=...)` with coordinates, joined at nodes "part:number".
     joints : sequence of joints
         `Tie`, `Rigid`, `Mean`, `Weld`, `Hinge`, `Slider`, `Ball`, `Bolt`, `Bushing`, `Equation`.
     at : dict, optional
@@ -350,27 +351,27 @@ def assemble(
         parts; `fix` names components in the axes of the assembly.
     attached : sequence of PointMass, Spring and Damper
         At "part:group", a reference point, or coordinates (on the nearest part). On a group of
-        more than points they act on its mean motion.
+        lines, faces or cells they act on its mean motion.
     solver : "auto", "direct" or "iterative"
         As for `Structure`.
 
     Returns
     -------
     Structure
-        `extract`, `probe`, `write_series` and `full` take it. Sites and probes are
-        at points; of parts that touch, `Site(..., part=...)` names the one that is struck.
+        For `extract`, `probe`, `write_series` and `full`. Sites and probes are at points; where
+        parts touch, `Site(..., part=...)` names the struck part.
 
     Raises
     ------
     InputError
         Unknown parts, groups and points; a joint that joins nothing; parts that remain loose.
     AccuracyError
-        Constraints that nearly follow from others.
+        Constraints that are nearly linearly dependent.
 
     Warns
     -----
     AntioscWarning
-        Constraints that follow from others; motions that the joints leave free.
+        Redundant (linearly dependent) constraints; motions that the joints leave free.
     """
     start_time = clock()
     joints = list_of("joints", joints, Joint, "joints such as Tie and Hinge")
@@ -404,7 +405,7 @@ def assemble(
 
 @dataclass(frozen=True, eq=False)
 class _Joined:
-    """What joins the parts: constraints, terms of K and M, free motions; matrices come later."""
+    """Constraints, terms of K and M, and free motions of joined parts, before their assembly."""
 
     constraints: Constraints
     eliminated: Eliminated
@@ -478,7 +479,7 @@ def _joined(
 
 
 def _fixed_mask(layout: Layout) -> BoolArray:
-    """Mask of the fixed dofs: of parts, and of reference points out of the plane of plane parts."""
+    """Mask of the fixed dofs of parts, and of the out-of-plane dofs of points of plane parts."""
     fixed = np.zeros(layout.count, dtype=bool)
     for member in layout.members.values():
         fixed[member.first + member.part.fixed] = True
@@ -509,7 +510,7 @@ def _check_joined(
     rows: Sequence[Rows],
     elastic: Sequence[ElasticTerm],
 ) -> None:
-    """InputError for one of the `movable` bodies that nothing joins to the largest group."""
+    """InputError if nothing joins one of the `movable` bodies to the largest group of bodies."""
     body = np.zeros(layout.count, dtype=int)
     for k, body_k in enumerate(bodies):
         body[body_k.rows] = k

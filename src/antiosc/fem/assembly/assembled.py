@@ -1,8 +1,8 @@
-"""`AssembledMatrices`: K and M of several parts whose dofs follow u = T q; free motions; places.
+"""`AssembledMatrices`: K and M of several parts with dofs u = T q; free motions; places.
 
-The rigid motions of all connected pieces of the parts span the motions without strain before the
-parts are joined. Those that satisfy all constraints and stretch no spring are the null vectors of
-K: the rigid motions of the whole, and the mechanisms that the joints leave.
+The rigid motions of all connected pieces of the parts span the strain-free motions before the parts
+are joined. The null vectors of K are the strain-free motions that satisfy all constraints and
+stretch no spring: rigid motions of the whole, and mechanisms that the joints leave.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _box_of(x: Array, layout: Layout) -> tuple[Array, float]:
 def _rigid_body(
     places: DofPlaces, name: str, rows: IntArray, centre: Array, size: float
 ) -> RigidDofs:
-    """The rigid motions of dofs `rows` about `centre` (3,) [m], rotations by 1/`size` [1/m]."""
+    """Rigid motions of dofs `rows` about `centre` (3,) [m]; rotations are divided by `size`."""
     motions = places.rigid_motions(centre, rows)
     motions[:, 3:] /= size
     return RigidDofs(name, rows, centre, motions[:, np.abs(motions).max(axis=0) > 0])
@@ -96,7 +96,8 @@ def _rigid_body(
 def free_motions(
     layout: Layout, bodies: Sequence[RigidDofs], constraints: Sparse, fixed: BoolArray, scale: Array
 ) -> tuple[Array, int]:
-    """(strain-free motions (n, k) that meet all constraints, how many move the whole rigidly)."""
+    """(strain-free motions (n, k) that satisfy all constraints, number of rigid motions of the
+    whole among them)."""
     size = np.asarray(abs(constraints) @ scale).ravel()
     scaled = scipy.sparse.diags(1 / size[size > 0]) @ constraints[size > 0]
     units = scipy.sparse.diags(1 / scale[fixed]) @ scipy.sparse.identity(len(fixed)).tocsr()[fixed]
@@ -108,7 +109,7 @@ def free_motions(
 
 
 def moving_bodies(bodies: Sequence[RigidDofs], motions: Array) -> list[RigidDofs]:
-    """The bodies that take part in some motions (n, k)."""
+    """The bodies that `motions` (n, k) move."""
     least = ROUNDED_MOTION * np.abs(motions).max(initial=0.0)
     return [body for body in bodies if np.abs(motions[body.rows]).max(initial=0.0) > least]
 
@@ -151,8 +152,9 @@ def modes_and_shift(
     motions: Array,
     bodies: Sequence[RigidDofs],
 ) -> tuple[Array, float]:
-    """(M-orthonormal strain-free motions (n, r) of q, of u's `motions` (n, k), first shift);
-    InputError for a point without mass or resistance, AccuracyError if a motion strains a part."""
+    """(M-orthonormal strain-free motions (n, r) of q, shift) from strain-free `motions` (n, k) of
+    u. InputError for a point without mass or resistance; AccuracyError if a motion strains a
+    part."""
     comm = MPI.COMM_SELF
     motions = eliminated.coordinates(motions)
 
@@ -196,7 +198,7 @@ Loads = TypeVar("Loads")
 
 
 class AddedTerms:
-    """What joints and attachments add to K and M (n, n) on q, and to the mass [kg]."""
+    """Terms of joints and attachments in K and M (n, n) on q, and in the mass [kg]."""
 
     def __init__(self, elastic: Sequence[ElasticTerm], T: Sparse) -> None:
         self._terms = elastic
@@ -219,7 +221,7 @@ class AddedTerms:
         return sorted(terms, key=lambda term: term.tau is not None)
 
     def forces(self, motions: Array) -> Array:
-        """Elastic forces in q (n, j) for motions of u (n, j)."""
+        """Elastic forces (n, j) on q for `motions` (n, j) of u."""
         return np.asarray(self._G_on_q.T @ (self._k @ (self._G @ motions)))
 
     def inertial_loads(self, motions: Array) -> tuple[Array, Array]:
@@ -236,7 +238,7 @@ class AssembledMatrices(PartsMatrices):
     _: KW_ONLY
     layout: Layout  # the parts in their places
     eliminated: Eliminated  # T and the dofs that depend on others
-    added: AddedTerms  # what joints and attachments add
+    added: AddedTerms  # terms of joints and attachments
     constraints: Constraints  # from which T was made, the supports of the assembly first
 
     assembled: ClassVar[bool] = True
@@ -400,7 +402,7 @@ def block_diagonal(layout: Layout, matrices: Mapping[str, PETSc.Mat]) -> Sparse:
 def product_by_parts(
     layout: Layout, work: Callable[[MeshedStructure, Array], Array], u: Array
 ) -> Array:
-    """Vectors (n, k) of u, put together from `work(part, its rows of u)` of each meshed part."""
+    """Vectors (n, k) on u, with the rows `work(part, rows of u)` of each meshed part."""
     result = np.zeros(u.shape)
     for member in layout.members.values():
         result[member.rows] = work(member.part, u[member.rows])
@@ -438,7 +440,7 @@ def group_of(matrices: PartsMatrices, name: str, what: str = "point") -> tuple[M
 def point_on_parts(
     matrices: PartsMatrices, point: Sequence[float] | str | None, part: str | None, node: int | None
 ) -> tuple[Array, str | None, PointMotion | None]:
-    """(coordinates (3,) [m], part or None, motion if the point has no mesh) of any point."""
+    """(coordinates (3,) [m], part or None, motion if the point has no mesh, else None)."""
     if node is not None:
         for member in matrices.members(part):
             mesh = member.part.mesh

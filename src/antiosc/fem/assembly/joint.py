@@ -1,10 +1,10 @@
 """Ends of joints, and their motion as six functionals of u.
 
 An end is "part:group", ("part", point), ("part", point, radius), or the name of a reference point.
-Its motion at a point is a set of linear functionals of u: for one node those of the node; for a
-group of several, or the surface within the radius, the mean displacement and the mean rotation, by
-which a force spreads without stiffening the part. The mean rotation is that of the rigid motion
-closest to the motion of the group.
+Its motion at a point is a set of linear functionals of u: the motion of a single node, or the mean
+displacement and mean rotation of several nodes or of the surface within the radius. Means
+distribute a force without stiffening the part. The mean rotation is the rotation of the rigid
+motion closest to the motion of the group.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ CUT_DEGREE, CUT_POINTS = 16, 12
 
 
 def checked_end(name: str, end: object) -> End:
-    """An end of a joint, checked; InputError for anything else."""
+    """The checked end of a joint; InputError if it is invalid."""
     if isinstance(end, str) and end:
         return end
 
@@ -125,8 +125,8 @@ def _points_around(place: Place, end: End, radius: float) -> WeightedPoints:
 
 
 def mean_motion(layout: Layout, member: Member, points: WeightedPoints) -> PointMotion:
-    """Weighted mean motion of points at their centroid, J θ = Σ w r × u with J = Σ w (r² 1 − r rᵀ);
-    about an axis through all the mean of the nodes' rotations, if any."""
+    """Weighted mean motion of points at their centroid, J θ = Σ w r × u with J = Σ w (r² 1 − r rᵀ).
+    If all points lie on one axis, the rotation about it is the mean of the nodes' rotations."""
     w = points.weight / points.weight.sum()
     x = points.x
     centre = w @ x
@@ -179,7 +179,7 @@ def following_rows(
     motions: Sequence[tuple[tuple[str, ...], Sparse]],
     label: str,
 ) -> Rows:
-    """Constraints by which P nodes of a part follow `motions`: [(components, matrix (3P, n))]."""
+    """Constraints that make P nodes of a part follow `motions` [(components, matrix (3P, n))]."""
     rows, pivots = [], []
     for names, motion in motions:
         for name, of_component in layout.of_components(member, names, motion):
@@ -201,7 +201,7 @@ class Constraints:
 
 @dataclass(frozen=True, eq=False)
 class Eliminated:
-    """Motions u = T q that meet all constraints."""
+    """Motions u = T q that satisfy all constraints."""
 
     T: Sparse  # (n, n), u = T q; the columns of dependent dofs are empty
     dependent: BoolArray  # (n,) which dofs are not in q, those that are fixed included
@@ -217,7 +217,7 @@ class Eliminated:
 
 
 class Joint(Checked):
-    """A joint between parts, by name in messages: linear constraints, springs and masses."""
+    """A joint between parts: linear constraints, springs and masses; messages use its name."""
 
     name: str | None
     #: whether its constraints are made after those of other joints
@@ -227,7 +227,7 @@ class Joint(Checked):
         """Add the reference points of the joint to the layout."""
 
     def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
-        """The linear constraints C u = 0 of the joint; `earlier`: those made before it."""
+        """The linear constraints C u = 0 of the joint; `earlier`: constraints of other joints."""
         return []
 
     def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:

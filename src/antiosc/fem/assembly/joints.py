@@ -85,7 +85,7 @@ class Weld(_Pin):
         radius): the mean motion of the surface within the radius of a point, as under a screw's
         head, or the name of a reference point.
     point : sequence of floats, optional
-        Where they are joined, m; default: the point, or the centroid, of `a`. Ends that lie
+        Point of the joint, m; default: the point, or the centroid, of `a`. Ends that lie
         elsewhere are connected to it rigidly.
     name : name of the joint in messages, optional
     """
@@ -113,7 +113,7 @@ class _Axis(_Pin):
     _turns_about_axis: ClassVar[bool] = True
 
     def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
-        """As `Weld.constraints`; InputError for an axis out of a plane structure's motions."""
+        """As `Weld.constraints`; InputError if a plane structure cannot move along the axis."""
         rotated = abs(self.axis[2]) / float(np.linalg.norm(self.axis))
         free_rotation = self._turns_about_axis
         if layout.plane and abs(rotated - free_rotation) > COINCIDENT_SHARE:
@@ -162,8 +162,8 @@ EndMotion: TypeAlias = tuple[End, PointMotion]
 def motions_at(
     layout: Layout, label: str, ends: Sequence[EndMotion], point: Sequence[float] | None
 ) -> list[EndMotion]:
-    """For each end, the motion of `point` (None: the point of the first end) rigidly tied to it;
-    InputError for an end without rotation away from the point."""
+    """For each end, the motion of `point` (None: point of the first end), rigidly tied to the end.
+    InputError for an end away from the point that has no rotation."""
     x = ends[0][1].point if point is None else in_space(point)
     result = []
     for end, end_motion in ends:
@@ -184,7 +184,7 @@ def motions_at(
 
 
 def relative_motion(label: str, directions: Array, a: EndMotion, b: EndMotion) -> Sparse:
-    """Motion (k, n) of b less that of a along `directions` (k, 6); InputError if one has none."""
+    """Motion (k, n) of b minus a along `directions` (k, 6); InputError if an end has none."""
     for end, end_motion in (a, b):
         for direction in directions:
             turns = direction[3:].any()
@@ -203,7 +203,7 @@ def relative_motion(label: str, directions: Array, a: EndMotion, b: EndMotion) -
 
 @dataclass(frozen=True)
 class Equation(Joint):
-    """Σ coefficient · component = 0 of displacements (m) and rotations (rad).
+    """The constraint Σ coefficient · component = 0 of displacements (m) and rotations (rad).
 
     Parameters
     ----------
@@ -293,18 +293,19 @@ class Bushing(TwoEnds):
     a, b : ends
         As for `Weld`.
     stiffness : dict
-        Component -> stiffness: of "x", "y", "z" (N/m), "rx", "ry", "rz" (N m/rad) in the axes of
-        the assembly, and "axial" (N/m) along the line between the ends. It may be empty beside
-        dampers.
+        Component -> stiffness. Components are "x", "y", "z" (N/m), "rx", "ry", "rz" (N m/rad) in
+        the axes of the assembly, and "axial" (N/m) along the line between the ends. It may be empty
+        if there are dampers.
     point : sequence of floats, optional
-        Where the springs of x … rz lie, m; default: at `a`. Ends that lie elsewhere are connected
+        Point of the springs of x … rz, m; default: at `a`. Ends that lie elsewhere are connected
         to it rigidly.
     name : name of the joint in messages, optional
     damping : dict, optional
-        Component -> N s/m or N m s/rad of a damper. Models have it exactly, however strong it is.
+        Component -> constant of a damper, N s/m or N m s/rad. Models contain it exactly, however
+        strong it is.
     branches : sequence of (dict, float), optional
-        Maxwell branches beside both: component -> stiffness, and the relaxation time, s. The
-        complex stiffness at ω is k + iωc + Σ k_b iωτ/(1 + iωτ).
+        Maxwell branches in parallel: (component -> stiffness, relaxation time τ, s). The complex
+        stiffness at ω is k + iωc + Σ k_b iωτ/(1 + iωτ).
     """
 
     stiffness: Mapping[str, float] = field(default_factory=dict, metadata=AXES_CHECK)
@@ -367,8 +368,8 @@ class Rigid(Joint):
     group : str
         "part:group".
     point : end, optional
-        The point that is followed: the name of a reference point, ("part", (x, y, z)) of a beam
-        or shell, or a group of one point. None: the group is rigid and follows nothing else.
+        The point that the group follows: the name of a reference point, ("part", (x, y, z)) of a
+        beam or shell, or a group of one point. None: the group is rigid and follows no point.
     name : name of the joint in messages, optional
     """
 
@@ -377,7 +378,7 @@ class Rigid(Joint):
     name: str | None = field(default=None, metadata=NAME_CHECK)
 
     def prepare(self, layout: Layout, label: str) -> None:
-        """Add a reference point to the layout if the group follows no point of the user."""
+        """Add a reference point to the layout if the user gave no point for the group to follow."""
         if self.point is None:
             member, group = layout.group_end("group", self.group)
             nodes = member.nodes_of(group)
@@ -432,7 +433,7 @@ class Mean(Joint):
     name: str | None = field(default=None, metadata=NAME_CHECK)
 
     def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
-        """Displacement and rotation of the point equal the mean ones of the group."""
+        """The point's displacement and rotation equal the mean displacement and rotation."""
         member, group = layout.group_end("group", self.group)
         nodes = member.nodes_of(group)
         follower = motion_of_end(layout, self.point)
@@ -476,14 +477,14 @@ def _fix_idle_rotations(member: Member, nodes: IntArray, leader: PointMotion) ->
 
 @dataclass(frozen=True)
 class Bolt(TwoEnds):
-    """A straight beam between two ends; a group as an end moves by its mean motion.
+    """A straight beam between two ends; an end that is a group moves by its mean motion.
 
     The element has the exact static stiffness of a Timoshenko beam, and its consistent mass.
 
     Parameters
     ----------
     a, b : ends
-        As for `Weld`; the beam goes from the centroid of one to that of the other.
+        As for `Weld`; the beam connects the centroids of both.
     beam : Beam
         Material and section.
     name : name of the joint in messages, optional
@@ -531,7 +532,7 @@ class Bolt(TwoEnds):
 
 
 def beam_matrices(beam: Beam, length: float) -> tuple[Array, Array]:
-    """Stiffness and mass (12, 12), by static shapes, of a beam along x, its height along y."""
+    """Stiffness and mass (12, 12), by static shapes, of a beam along x with its height along y."""
     section = beam.section
     inertia = np.diag([section.A * beam.rho] * 3 + [0.0] * 3)
     inertia[3, 3] = beam.rho * (section.I + section.side)

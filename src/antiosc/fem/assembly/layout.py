@@ -1,9 +1,8 @@
 """The dofs of all parts of an assembly in one vector, before they are joined.
 
-The vector u holds the dofs of each part (in the axes of the part) one after the other, first of
-parts with meshes, then of superelements, and then six dofs (in the axes of the assembly) for each
-reference point. A linear functional of u is a row of a sparse matrix with as many columns as u has
-dofs.
+The vector u holds the dofs of parts with meshes, then of superelements (both in the axes of the
+part), then six dofs (in the axes of the assembly) for each reference point. A linear functional of
+u is a row of a sparse matrix with one column for each dof of u.
 
 Superelements are models of several sites (the form of Craig and Bampton), or given matrices whose
 nodes have coordinates. Joints act on the sites or nodes; other dofs are amplitudes of modes.
@@ -78,7 +77,7 @@ class Superelement:
 
 
 def model_superelement(name: str, model: AntiOscillators) -> Superelement:
-    """The superelement of an anti-oscillator model of several sites; InputError for others."""
+    """The superelement of an anti-oscillator model of several sites; InputError if unsuitable."""
     points = model.info.points or {}
     direction = model.direction
     named = bool(model.sites) and set(points) == set(model.sites)
@@ -114,7 +113,7 @@ def model_superelement(name: str, model: AntiOscillators) -> Superelement:
 
 
 def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
-    """The superelement of given matrices with coordinates of nodes; InputError for others."""
+    """The superelement of given matrices; InputError if their nodes have no coordinates."""
     size = algebra.size(matrices.K)
     if not matrices.located or size > MOST_DENSE_DOFS or matrices.C is not None:
         raise InputError(
@@ -164,7 +163,7 @@ def row_numbers(matrix: Sparse) -> IntArray:
 
 
 def row_maxima(size: Array, row: IntArray, count: int) -> Array:
-    """Largest `size` in each of `count` rows; `row`: the row of each entry."""
+    """Largest `size` of the entries in each of `count` rows; `row`: row of each entry."""
     result = np.zeros(count)
     np.maximum.at(result, row, size)
     return result
@@ -186,7 +185,7 @@ POINT_DOFS = 6
 
 
 class Layout:
-    """The dofs u of an assembly: members and `condensed` superelements by name, points."""
+    """The dofs u of an assembly: meshed `members`, superelements `condensed`, reference points."""
 
     def __init__(
         self,
@@ -230,12 +229,12 @@ class Layout:
 
     @property
     def middle(self) -> Array:
-        """Middle (3,) of the box around everything [m]."""
+        """Middle (3,) [m] of the bounding box of all parts and points."""
         return np.asarray((self.low + self.high) / 2)
 
     @property
     def size(self) -> float:
-        """Diagonal of the box around everything, m."""
+        """Diagonal [m] of the bounding box of all parts and points."""
         return float(np.linalg.norm(self.high - self.low))
 
     @property
@@ -257,14 +256,14 @@ class Layout:
         return self.members[name]
 
     def group_end(self, name: str, end: End) -> tuple[Member, str]:
-        """(part, name of its group) of an end; InputError unless it names a group of a part."""
+        """(part, group) named by an end; InputError unless it is "part:group"."""
         if not isinstance(end, str) or ":" not in end:
             raise InputError(f'{name} must be a group, "part:group"; got {end_text(end)}.')
         part, group = end.split(":", 1)
         return self.member(part, f"{end_text(end)}: "), group
 
     def motion_without_mesh(self, end: End) -> PointMotion | None:
-        """The motion of a reference point, or at a superelement; None for other ends."""
+        """Motion of an end that is a reference point or on a superelement; None for other ends."""
         part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
         if part in self.condensed:
             return self._superelement_motion(part, end)
@@ -274,7 +273,7 @@ class Layout:
         return PointMotion(self.units(self.point_dofs(end)), space, self.points[end])
 
     def _superelement_motion(self, part: str, end: End) -> PointMotion:
-        """The motion of a site or node of a superelement, by its name or its coordinates."""
+        """Motion of a superelement's site or node, which `end` gives by name or coordinates."""
         member = self.condensed[part]
 
         if isinstance(end, str):
@@ -333,7 +332,7 @@ class Layout:
     # -- motions as functionals: row 3 p + c is component c of point p, in the assembly's axes
 
     def at_points(self, member: Member, cell: IntArray, X: Array, names: tuple[str, ...]) -> Sparse:
-        """Quantities `names` (3P, n) at reference points X (P, tdim) of P cells, as functionals."""
+        """Functionals (3P, n): vectors `names` at reference points X (P, tdim) of P cells."""
         space = member.part.form.space
         entries = []
         for axis, name in enumerate(names):
@@ -347,7 +346,7 @@ class Layout:
         return self._stacked(entries, len(cell))
 
     def at_nodes(self, member: Member, nodes: IntArray, names: tuple[str, ...]) -> Sparse:
-        """Displacements (3P, n) of nodes (P,), or rotations if `names` is ROTATIONS."""
+        """Functionals (3P, n): displacements of nodes (P,); rotations if `names` is ROTATIONS."""
         entries = []
         for axis, name in enumerate(names):
             if name in member.part.form.components:
@@ -356,7 +355,7 @@ class Layout:
         return self._stacked(entries, len(nodes))
 
     def curl(self, member: Member, cell: IntArray, X: Array) -> Sparse:
-        """½ ∇ × u (3P, n) at X (P, tdim) in cells of a solid."""
+        """Functionals (3P, n): ½ ∇ × u at reference points X (P, tdim) in cells of a solid."""
         form = member.part.form
         _, J = member.part.mesh.geometry.at(cell, X)
         slopes = compat.tabulate_slopes(form.space, form.components["x"], X)
@@ -389,7 +388,7 @@ class Layout:
     def of_components(
         self, member: Member, names: tuple[str, ...], motions: Sparse
     ) -> Iterator[tuple[str, Sparse]]:
-        """Yield (name, rows (P, n)) of motions (3P, n), along those axes of a part that it has."""
+        """Yield (name, rows (P, n)): motions (3P, n) along each axis of the part's components."""
         for axis, name in enumerate(names):
             if name in member.part.form.components:
                 local_axis = member.at.rotation[:, axis]
@@ -434,7 +433,7 @@ ROUNDED_COEFFICIENT = 1e-13
 
 
 def without_rounding(matrix: Sparse) -> Sparse:
-    """The matrix without entries below the rounding error of the largest entry of their row."""
+    """The matrix without entries below the rounding error of the largest entry in the row."""
     matrix = matrix.tocsr()
     size = np.abs(matrix.data)
     row = row_numbers(matrix)

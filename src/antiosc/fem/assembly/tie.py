@@ -1,21 +1,21 @@
 """`Tie`: two surfaces, or edges, with meshes that do not match.
 
-The displacement of one side, the follower, is the L2 projection of that of the other onto the
-functions of its own mesh (mortar method; Bernardi, Maday, Patera 1994): with the functions φ of the
-follower's nodes and ψ of the leader's at the nearest points, both integrated over the follower's
+The displacement of one side, the follower, is the L2 projection of the other side's displacement
+onto the follower's mesh (mortar method; Bernardi, Maday, Patera 1994). With the shape functions φ
+of the follower and ψ of the leader, taken at nearest points and integrated over the follower's
 faces,
 
     u_f = D⁻¹ M u_l,   D = ∫ φ φᵀ,   M = ∫ φ ψᵀ.
 
 Linear displacements are followed exactly. A state of constant stress passes through the tie up to
-the error of the rule, which does not see the kinks of ψ within a face. Where nodes of the follower
-are fixed or follow another joint already, their test functions are added to those of the adjacent
-nodes, so that the sum of all stays 1.
+the error of the quadrature, which does not resolve the kinks of ψ within a face. If nodes of the
+follower are fixed or already follow another joint, their test functions are added to the adjacent
+nodes' test functions, so that the sum of all stays 1.
 
-An edge of a shell on a face of a solid, which has no rotations: through the thickness t of the
-shell, along its normal n, the displacement of the face is compared with a straight line, u(s) ≈ u₀
-+ s g for |s| <= t/2 (least squares). The edge moves by u₀, and the fibre n of the shell turns with
-g = θ × n: θ − (θ·n) n = n × g. The rotation about the normal is left to the shell.
+A solid has no rotations. For an edge of a shell on its face, a straight line u(s) ≈ u₀ + s g is
+fitted (least squares) to the displacement of the face through the thickness t of the shell, |s| <=
+t/2 along its normal n. The edge moves by u₀, and the fibre n of the shell turns with g = θ × n:
+θ − (θ·n) n = n × g. The rotation about the normal remains free.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class Facets(Entities):
         return degree if self.simplex else 2 * degree
 
     def rule(self, pieces: int = 1) -> tuple[IntArray, Array, Array]:
-        """(face, ξ, weight [m or m²]) of a quadrature on all faces, with edges in `pieces`."""
+        """(face, ξ, weight [m or m²]) of a quadrature on all faces; edges have `pieces` parts."""
         shape = ("interval", "triangle" if self.simplex else "quadrilateral")[self.dim - 1]
         xi, w = compat.quadrature(shape, 2 * self.degree)
         xi = xi.reshape(len(w), self.dim)
@@ -95,12 +95,12 @@ class Facets(Entities):
         return face, xi_of_faces, size * np.tile(w, len(self))
 
     def at(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
-        """(points (n, 3) [m], derivatives (n, 3, dim)) in the assembly at ξ in faces."""
+        """(points (n, 3) [m], derivatives (n, 3, dim)) in the assembly's axes, at ξ in faces."""
         x, J = super().at(face, xi)
         return self.member.at.placed(x), np.einsum("cx,nxd->ncd", self.member.at.rotation, J)
 
     def basis(self, face: IntArray, xi: Array) -> Sparse:
-        """Values (n, nodes of the part) of the nodes' functions at ξ in faces."""
+        """Values (n, nodes of the part) of the shape functions at ξ in faces."""
         form = self.member.part.form
         path = form.components["x"]
         weights = compat.tabulate(form.space, path, self.reference(face, xi))
@@ -178,13 +178,13 @@ class Tie(TwoEnds):
     Parameters
     ----------
     a, b : str
-        "part:group" of faces or of edges. Edges follow faces. Otherwise the follower is the side
-        that the other covers to the larger share; if the shares are equal, the finer mesh. The
-        edge of a shell on faces of a solid follows their displacement and rotation over its
-        thickness; its rotation about its normal stays free.
+        "part:group" of faces or of edges. Edges follow faces. Otherwise the follower is the side of
+        which the other covers the larger share; if the shares are equal, the finer mesh. The edge
+        of a shell on faces of a solid follows their displacement and rotation over its thickness;
+        its rotation about its normal stays free.
     gap : float, optional
-        Largest distance between them, m; default: 0.3 of the size of their faces. Across a gap the
-        follower moves with the rotation of the other side.
+        Largest distance between `a` and `b`, m; default: 0.3 of the size of their faces. Across a
+        gap the follower moves with the rotation of the other side.
     name : name of the joint in messages, optional
     """
 
@@ -194,7 +194,7 @@ class Tie(TwoEnds):
     late: ClassVar[bool] = True
 
     def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
-        """Constraints by which every free dof of the follower equals that of the leader."""
+        """Constraints that make the free dofs of the follower equal the leader's motion."""
         ends = ("a", self.a), ("b", self.b)
         sides = [Facets(*layout.group_end(name, end)) for name, end in ends]
         if not {side.dim for side in sides} <= {1, 2}:
@@ -223,7 +223,7 @@ class Tie(TwoEnds):
         )
 
     def _orders(self, sides: list[Facets], label: str) -> list[tuple[Facets, Facets, Overlap]]:
-        """Possible (follower, leader, overlap), the better one first; InputError if none."""
+        """Possible (follower, leader, overlap), the best first; InputError if there is none."""
         size = min(float(side.radii.mean()) for side in sides)
         gap = GAP_SHARE * size if self.gap is None else self.gap
         orders = [(a, b, overlap(a, b, gap)) for a, b in (sides, sides[::-1]) if a.dim <= b.dim]
@@ -293,14 +293,14 @@ def _projection_rows(
 
 @dataclass(frozen=True, eq=False)
 class _Projection:
-    """The L2 projection onto the functions of the follower's nodes."""
+    """L2 projection onto the shape functions of the follower's nodes."""
 
     D: Sparse  # (nodes, nodes) ∫ φ φᵀ
     load: Sparse  # (nodes, points) φ times the weights of the points
 
     def component(self, free: BoolArray, motion: Sparse, layout: Layout, dofs: IntArray) -> Sparse:
-        """Projection of one component onto the `free` nodes; `dofs` are those of all nodes,
-        `motion` (points, n) is the leader's."""
+        """Projection of one component of the leader's `motion` (points, n) onto the `free` nodes;
+        `dofs` are the dofs of all nodes."""
         spread, inverse = self._inverted(free)
         right = spread @ self.load @ motion
         fixed_columns = (spread @ self.D).tocsc()[:, ~free]
@@ -309,7 +309,8 @@ class _Projection:
         return _dense_product(inverse, right.tocsr())
 
     def of(self, free: BoolArray, motion: Sparse) -> Sparse:
-        """Projections (3 · free nodes, n) of vectors `motion` (3 · points, n) onto all nodes."""
+        """Rows at free nodes (3 · free nodes, n) of the projection of vectors `motion`
+        (3 · points, n) onto all nodes."""
         inverse = np.linalg.inv(self.D.toarray())[free]
         parts = [_dense_product(inverse, (self.load @ motion[c::3]).tocsr()) for c in range(3)]
         order = np.arange(3 * int(free.sum())).reshape(3, -1).T.ravel()
@@ -380,8 +381,8 @@ LEAST_MOMENT_SHARE = 0.1
 def edge_on_solid(
     layout: Layout, edge: Facets, face: Facets, common: Overlap, label: str
 ) -> tuple[Sparse, Sparse, Array]:
-    """(u₀ (3Q, n), n × g (3Q, n), normals n (Q, 3)) at Q points of a shell's edge, u₀ + s g the
-    straight line through the displacements of the solid's face."""
+    """(u₀ (3Q, n), n × g (3Q, n), normals n (Q, 3)) at Q points of a shell's edge; u₀ + s g is the
+    straight line fitted to the displacements of the solid's face."""
     member = edge.member
     cells = edge.cells[common.face]
     _, J = member.part.mesh.geometry.at(cells, edge.reference(common.face, common.xi))
@@ -445,8 +446,8 @@ def rotation_rows(
     motion: Array | Sparse,
     label: str,
 ) -> Rows:
-    """Constraints by which the nodes' rotations follow n × g (3 nodes, n), except about
-    `normals`."""
+    """Constraints that make the nodes' rotations follow `motion` = n × g (3 nodes, n); rotations
+    about `normals` stay free."""
     member = edge.member
     dofs = np.column_stack([layout.dofs(member, nodes, name) for name in ROTATIONS])
     units = normals / np.linalg.norm(normals, axis=1, keepdims=True)

@@ -214,8 +214,7 @@ class Layer(Checked):
         return np.asarray(T.T @ Q @ T)
 
     def contraction(self) -> Array:
-        """Matrix (1, 3) that gives the strain ε3 across the layer from (ε1, ε2, γ12), in plane
-        stress.
+        """Matrix (1, 3): strain ε3 across the layer from (ε1, ε2, γ12), in plane stress.
 
         Across the fibres the layer is assumed isotropic, with Poisson's ratio nu12 along them and
         ν23 = E2/(2 G23) − 1, at most 0.5.
@@ -271,12 +270,12 @@ class PlateSection:
 
     @property
     def t2_of_shear(self) -> float:
-        """t² (m²) of the isotropic plate that has the same ratio of bending to shear stiffness."""
+        """t² (m²) of an isotropic plate with the same ratio of bending to shear stiffness."""
         return 20 * _mean_shear_stiffness(self.bending) / float(np.trace(self.S))
 
     @property
     def t2_of_stretch(self) -> float:
-        """t² (m²) of the isotropic plate with this ratio of bending to membrane stiffness."""
+        """t² (m²) of an isotropic plate with the same ratio of bending to membrane stiffness."""
         return 12 * _mean_shear_stiffness(self.bending) / _mean_shear_stiffness(self.A)
 
     def shifted(self, offset: float) -> PlateSection:
@@ -295,12 +294,12 @@ class PlateSection:
 
     @property
     def spin(self) -> float:
-        """Rotary inertia ∫ ρ (z − z_m)² dz per area, kg, about the middle z_m of the mass."""
+        """Rotary inertia ∫ ρ (z − z_m)² dz per area, kg, about the centre of mass z_m."""
         return self.I2 - self.I1**2 / self.I0
 
     @property
     def has_sides(self) -> bool:
-        """Whether the sign of the normal matters: a flip about the 0° axis changes the section."""
+        """Whether the sign of the normal matters: turning the section over changes it."""
         changed = [  # by a flip their signs change
             *((M[:2, 2], np.abs(M).max()) for M in (self.A, self.D)),
             (self.S[0, 1], np.abs(self.S).max()),
@@ -311,7 +310,7 @@ class PlateSection:
 
 
 def _mean_shear_stiffness(stiffness: Array) -> float:
-    """Mean of the shear entry of a plane stiffness (3, 3) over all rotations about the normal."""
+    """Shear entry of a plane stiffness (3, 3), averaged over all rotations about the normal."""
     m = stiffness
     return float(m[0, 0] + m[1, 1] - 2 * m[0, 1] + 4 * m[2, 2]) / 8
 
@@ -346,7 +345,7 @@ def section_of_layers(layers: Sequence[Layer]) -> PlateSection:
 def _transverse_shear(
     layers: Sequence[Layer], z: Array, Q: Array, A: Array, B: Array, D: Array
 ) -> Array:
-    """Transverse shear stiffness S (2, 2) [N/m], by the energy of shear in equilibrium."""
+    """Transverse shear stiffness S (2, 2) [N/m], by the energy of equilibrium shear stresses."""
     shear_at = _equilibrium(z, Q, A, B, D)
 
     # f is quadratic in z within a layer, its energy of degree four: three Gauss points
@@ -363,14 +362,14 @@ def _transverse_shear(
 
 
 def shear_stresses(layers: Sequence[Layer], which: int, z: float) -> Array:
-    """f (2, 2) [1/m], (τ13, τ23) = f · forces (Q1, Q2) [N/m] at z [m] in layer `which`."""
+    """Matrix f (2, 2) [1/m] with (τ13, τ23) = f (Q1, Q2) at height z [m] in layer `which`."""
     levels, powers, Q = _layer_integrals(layers)
     A, B, D = np.einsum("pl,lij->pij", powers, Q)
     return _equilibrium(levels, Q, A, B, D)(which, z)
 
 
 def _layer_integrals(layers: Sequence[Layer]) -> tuple[Array, Array, Array]:
-    """(z of the layers' bounds (L + 1,), ∫ (1, z, z²) dz (3, L), Q̄ (L, 3, 3)) of L layers."""
+    """(z of the interfaces (L + 1,), ∫ (1, z, z²) dz (3, L), Q̄ (L, 3, 3)) of L layers."""
     z = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
     z -= z[-1] / 2
     powers = np.array([np.diff(z), np.diff(z**2) / 2, np.diff(z**3) / 3])

@@ -103,10 +103,9 @@ class Beam(Isotropic):
         return line_weak_form(mesh, parts, order)
 
     def dimensions(self, box: Box, materials: Sequence[Beam]) -> Box:
-        """(length, width, thickness) of a beam, as if its sections were rectangles with their A and
-        I.
+        """(length, width, thickness) of a beam, with rectangles of the sections' A and I.
 
-        The thickness is the least height, the width the largest A over it.
+        The thickness is the least height, the width the largest A divided by it.
         """
         sections = [material.section for material in materials]
         thickness = min((12 * section.I / section.A) ** 0.5 for section in sections)
@@ -114,7 +113,7 @@ class Beam(Isotropic):
 
 
 def line_weak_form(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> WeakForm:
-    """Weak form of beams (order 3 beside cubic triangles); `on_sheet`: they stiffen a shell."""
+    """Weak form of beams (order 3 on edges of cubic triangles); `on_sheet`: shell stiffeners."""
     names = ("x", "y", "rz") if mesh.gdim == 2 else ("x", "y", "z", "rx", "ry", "rz")
     space = compat.lagrange_space(mesh.dolfinx, order, len(names))
     w = ufl.TrialFunction(space)
@@ -194,7 +193,7 @@ class BeamAxes(NamedTuple):
 
 
 def axes_of_beams(mesh: Mesh, parts: Parts) -> BeamAxes:
-    """The axes of the sections of beams, as UFL expressions; in a plane the height lies in it."""
+    """Section axes of beams, as UFL expressions; in a plane frame the height is in the plane."""
     t = tangent(mesh)
     if mesh.gdim == 2:
         along = ufl.as_vector([t[0], t[1], 0])
@@ -208,7 +207,7 @@ def axes_of_beams(mesh: Mesh, parts: Parts) -> BeamAxes:
 
 
 def _height_coefficient(mesh: Mesh, parts: Parts) -> Expr:
-    """Height direction of the section in every cell, as a cell-wise constant function."""
+    """Height direction of the section in each cell, as a cell-wise constant function."""
     nodes = compat.geometry_nodes(mesh.dolfinx)
     x = mesh.dolfinx.geometry.x
     axis = x[nodes[:, 1]] - x[nodes[:, 0]]
@@ -250,7 +249,7 @@ def height_directions(beam: Beam, axis: Array, middle: Array) -> Array:
 
 @dataclass(frozen=True)
 class Truss(Isotropic):
-    """Bars of a truss: each cell of a mesh of lines is one, between two hinges.
+    """Bars of a truss: each cell of a mesh of lines is a bar between two hinges.
 
     Parameters
     ----------
@@ -262,8 +261,8 @@ class Truss(Isotropic):
         For the margin of safety (`peak_field`), Pa.
 
     Components: x, y, z, or x, y in a plane. The elements are linear whatever the `order` of
-    `Structure`, with half of the mass of a bar at each end. A node between collinear bars alone is
-    a mechanism: a bar that is divided into several cells needs supports or other bars there.
+    `Structure`, with half of the mass of a bar at each end. A node that joins only collinear bars
+    is a mechanism: a bar divided into several cells needs supports or other bars there.
     """
 
     kind: ClassVar[Kind] = Kind("truss", outside=False, point_load=True)
@@ -299,6 +298,6 @@ class Truss(Isotropic):
         )
 
     def dimensions(self, box: Box, materials: Sequence[Truss]) -> Box:
-        """(length, width, thickness): sides of the thickest and the thinnest bar, if square."""
+        """(length, width, thickness), as if bars were square: the thickest and thinnest side."""
         areas = [material.area for material in materials]
         return box[0], sqrt(max(areas)), sqrt(min(areas))

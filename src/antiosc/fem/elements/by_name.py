@@ -32,18 +32,17 @@ def material(
     section: Section | None = None,
     orientation: Direction | None = None,
 ) -> Solid | Shell | Beam | AnisotropicSolid:
-    """A material from the table of sourced values (`antiosc materials`); any value may be
-    overridden.
+    """A material from the table of sourced values (`antiosc materials`); arguments replace values.
 
     Parameters
     ----------
     name : str
-        As `antiosc materials` lists them, or a part of it that only one name has: "6061".
+        A name of the list `antiosc materials`, or a part that only one name contains: "6061".
     E, nu, rho, yield_strength, yield_range : optional
-        In place of the table's: Pa, 1, kg/m³, Pa, (Pa, Pa). A yield strength without a range is
-        taken as exact.
+        Values instead of the table's: Pa, 1, kg/m³, Pa, (Pa, Pa). A yield strength without a range
+        is taken as exact.
     loss : float or bool
-        Loss factor, which damps the modes of the part; True: the table's. Default: none.
+        Loss factor, which damps the modes of the part; True: the table's value. Default: none.
     thickness : float, optional
         Thickness of a sheet [m]; a Shell is returned.
     section : Section, optional
@@ -60,7 +59,7 @@ def material(
     Raises
     ------
     InputError
-        An unknown name, with all names; constants of wood.
+        An unknown name (the message lists all names); further arguments for wood.
     """
     record = materials.record(name)
     constants_given = {

@@ -1,9 +1,9 @@
 """Second-order strain η(a, b) of solids and of sheets: strains are ε(u) + η(u, u)/2.
 
-Solids have the Green–Lagrange strain, η(a, b) = (∇aᵀ∇b + ∇bᵀ∇a)/2. Sheets have that of the middle
-surface, with the tangential derivatives of all three displacements. It also holds on folded and
-curved sheets; on a flat one it is von Kármán's. Membrane stretching, prestress and spin use it:
-with the internal forces N of a state, the geometric stiffness is K_σ(a, b) = ∫ N : η(a, b).
+Solids have the Green–Lagrange strain, η(a, b) = (∇aᵀ∇b + ∇bᵀ∇a)/2. Sheets have the Green–Lagrange
+strain of the middle surface, with tangential derivatives of all three displacements. It also holds
+on folded and curved sheets; on a flat sheet it is von Kármán's. Membrane stretching, prestress and
+spin use it: with internal forces N, the geometric stiffness is K_σ(a, b) = ∫ N : η(a, b).
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def sheet_eta(frame: Frame, a: Expr, b: Expr) -> Expr:
 
 
 class SecondOrderStrain(NamedTuple):
-    """Functions (UFL) of a family with the strain ε(u) + η(u, u)/2: ε, η, and forces N(strain)."""
+    """UFL functions ε, η and internal forces N(strain) of a family with strain ε(u) + η(u, u)/2."""
 
     strain: Callable[[Expr], Expr]
     eta: Callable[[Expr, Expr], Expr]
@@ -70,8 +70,8 @@ class SecondOrderStrain(NamedTuple):
     degree: int
 
     def energy(self, u: Expr, initial: Expr | None = None) -> Expr:
-        """Energy density of u beyond ε:C:ε/2 of linear theory, with stress-free strain `initial`;
-        its second derivative at u is K_σ plus the change of the elastic stiffness."""
+        """Energy density of u in addition to the linear ε:C:ε/2; `initial`: stress-free strain. Its
+        second derivative at u is K_σ plus the change of the elastic stiffness."""
         strain = self.strain(u)
         eta = self.eta(u, u)
         energy = ufl.inner(self.forces(strain), eta) / 2 + ufl.inner(self.forces(eta), eta) / 8
@@ -184,8 +184,9 @@ SHARE_DEGREE = 6
 
 
 def relative_stiffening(part: MeshedStructure, shape: Array, stiffness: float) -> float:
-    """Relative change [1/m] of a sheet's secant stiffness per metre of deflection; < 0: it softens.
-    The energy of q × shape is k q²/2 + g q³/2 with g = ∫ N : η, the force k q (1 + 3 g q/(2 k))."""
+    """Relative change [1/m] of a sheet's secant stiffness per metre of deflection, < 0 if it
+    softens. The energy of q × shape is k q²/2 + g q³/2 with g = ∫ N : η, its derivative the force
+    k q (1 + 3 g q/(2 k))."""
     if is_flat(part) and part.preload is None:
         return 0.0
     points = _points_by_rule(part, SHARE_DEGREE)
@@ -255,7 +256,7 @@ class PartPoints:
         return np.asarray(derivatives.reshape(self.weight.size, -1, self.components))
 
     def stress(self, slopes: Array) -> Array:
-        """Weighted stresses C ε (n, s) of a motion with these derivatives (n, d, b)."""
+        """Weighted stresses C ε (n, s) of a motion with the derivatives `slopes` (n, d, b)."""
         every = np.broadcast_to(self.strain, (self.weight.size, *self.strain.shape[1:]))
         strain = np.einsum("nsdb,ndb->ns", every, slopes, optimize=True)
         if self.base is not None:
@@ -274,7 +275,8 @@ class PartPoints:
         return np.asarray(product.reshape(len(a), -1) @ self.square.T)
 
     def load(self, strained: Array, pushed: Array) -> Array:
-        """Nodal forces (dofs,), also on fixed dofs, of the work Σ strained·ε(w) + pushed·∇w."""
+        """Nodal forces (dofs,), also on fixed dofs, for the virtual work Σ strained·ε(w) +
+        pushed·∇w."""
         if len(self.strain) == 1:
             strain = self.strain[0].reshape(strained.shape[1], -1)
             stress = (strained @ strain).reshape(pushed.shape)
@@ -286,7 +288,7 @@ class PartPoints:
         return np.asarray((self._turned @ stress.reshape(-1, self.components)).reshape(-1))
 
     def along(self, stress: Array, slopes: Array) -> Array:
-        """A (n, d, b) with stress·η(a, w) = A·∇w for every w; `slopes` are derivatives of a."""
+        """The array A (n, d, b) with stress·η(a, w) = A·∇w for every w; `slopes` = ∇a."""
         result = np.zeros_like(slopes)
         direction_count = slopes.shape[1]
         tension = (stress @ self.square).reshape(-1, direction_count, direction_count)

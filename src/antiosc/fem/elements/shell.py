@@ -1,8 +1,8 @@
 """`Shell`, `Laminate`: Reissner–Mindlin plates and shells on triangles or quadrilaterals.
 
-At every point of the surface the frame (e1, e2, n) follows from the Jacobian; for layers it also
-follows from their axis and top. With the displacement u, the rotation vector θ of the normal and
-the arc length s_α along e_α,
+At every point of the surface the Jacobian determines the frame (e1, e2, n); with layers, their axis
+and top do too. With the displacement u, the rotation vector θ of the normal and the arc length s_α
+along e_α,
 
     membrane strain  sym(e_α·∂u/∂s_β)          shear strain  n·∂u/∂s_α + (θ×n)·e_α
     bending strain   sym(e_α·∂θ/∂s_β × n)      drilling      (e2·∂u/∂s1 − e1·∂u/∂s2)/2 − θ·n
@@ -140,7 +140,7 @@ def tangential_slopes(frame: Frame, vector: Expr) -> tuple[Expr, Expr]:
 
 
 def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> SurfaceStrains:
-    """Strains of a trial or test function; `middle`: z of the section's middle; None: 0."""
+    """Strains of a trial or test function; `middle`: z of the section's middle, None for 0."""
     e1 = frame.e1
     e2 = frame.e2
     n = frame.n
@@ -175,8 +175,8 @@ def _engineering_strains(e: Expr) -> Expr:
 def energies(
     section: SectionFields, a: SurfaceStrains, b: SurfaceStrains
 ) -> tuple[Expr, Expr, Expr]:
-    """(membrane and drilling, shear, bending) parts of the bilinear energy density (UFL), each >= 0
-    for a = b: membrane strains are those of the neutral surface, ε + A⁻¹Bκ."""
+    """(membrane and drilling, shear, bending) parts of the bilinear energy density (UFL). Each is
+    >= 0 for a = b, since the membrane strain is taken on the neutral surface, ε + A⁻¹Bκ."""
 
     def stretch(e: SurfaceStrains) -> Expr:
         if section.coupling is None:
@@ -219,7 +219,7 @@ def areas_of(mesh: Mesh) -> Expr:
 
 
 def rise_of(mesh: Mesh) -> Expr:
-    """Height [m] of a quadrilateral's middle node over its corners' mean; 0 for order 1."""
+    """Height [m] of a quadrilateral's middle node above the mean of its corners; 0 for order 1."""
     rise = compat.cellwise_function(mesh.dolfinx)
 
     if mesh.order > 1:
@@ -252,8 +252,8 @@ QUADRATIC_POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # those of 
 
 
 def dropped_shear(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
-    """(1 − R)(θ×n) along two tangents (UFL), which the shear strain omits: R projects cubics to
-    quadratics with the same moments along edges; n is taken as constant."""
+    """The part (1 − R)(θ×n) along two tangents (UFL) that the shear strain omits. R projects cubics
+    to quadratics with the same moments along edges; n is taken as constant."""
     inverse = ufl.JacobianInverse(mesh.dolfinx)
     axes = jacobian_columns(mesh)
     third = compat.reference_derivatives(motion, 3)
@@ -309,7 +309,7 @@ PATCH_RADIUS = 1.0
 
 
 class Sheet(Checked):
-    """Base of `Shell` and `Laminate`: the element, on one mesh for both kinds of section."""
+    """Base of `Shell` and `Laminate`: both have the same element and may share a mesh."""
 
     kind: ClassVar[Kind] = Kind("sheet", outside=False, point_load=False, sheet=True)
 
@@ -378,7 +378,7 @@ class Sheet(Checked):
         return 0.0
 
     def constants(self) -> tuple[float, float, float]:
-        """Raise InputError: layers have directions."""
+        """Raise InputError: orthotropic layers have no single E, nu and rho."""
         raise InputError(
             f"advise takes no {type(self).__name__}: give dimensions and equivalent E, nu, rho."
         )
@@ -405,7 +405,7 @@ class Shell(Isotropic, Sheet):
         Thickness, m.
     offset : float
         Distance of the middle surface from the mesh toward the top, m; default 0: the mesh is the
-        middle surface. Areas, and the mass with them, are those of the mesh.
+        middle surface. Areas and mass are computed on the mesh.
     top : sequence of 3 floats or function, optional
         As for `Laminate`; only an offset needs it.
     yield_strength : float, optional
@@ -450,10 +450,10 @@ class Laminate(Sheet):
     offset : float
         Distance of the middle of the stack from the mesh toward the top, m; default 0.
 
-    Angles count from the axis toward normal × axis; the normal points to the top. The element, its
-    components and its cells are those of `Shell`; both may be used in one mesh, by group. `section`
-    holds the matrices A, B, D, S in the axes of the laminate. The transverse shear stiffness S
-    follows from the shear energy, not from a factor 5/6 (`antiosc.fem.elements`).
+    Angles count from the axis toward normal × axis; the normal points to the top. Element,
+    components and cells are as for `Shell`; both may be used in one mesh, by group. `section` holds
+    the matrices A, B, D, S in the axes of the laminate. The transverse shear stiffness S is
+    computed from the shear energy, not with a factor 5/6 (`antiosc.fem.elements`).
 
     Raises
     ------
@@ -504,18 +504,18 @@ class GivenSheet(Sheet):
     Parameters
     ----------
     A, D : array_like (3, 3)
-        Stiffnesses: A gives the in-plane forces of (ε1, ε2, γ12), N/m, and D the moments of
-        (κ1, κ2, 2κ12), N m.
+        Membrane stiffness, N/m: in-plane forces = A (ε1, ε2, γ12); bending stiffness, N m:
+        moments = D (κ1, κ2, 2κ12).
     S : array_like (2, 2)
-        Stiffness that gives the shear forces of (γ13, γ23), N/m.
+        Transverse shear stiffness, N/m: shear forces = S (γ13, γ23).
     mass, inertia : float
         Mass per area, kg/m², and rotary inertia per area, kg.
     thickness : float
-        Thickness, m; the stiffness and the mass do not depend on it.
+        Thickness, m; the given stiffness and mass do not depend on it.
     axis, top, offset
         As for `Laminate`.
     B : array_like (3, 3)
-        Coupling that gives the forces of curvatures and the moments of strains, N.
+        Coupling stiffness, N: forces = B × curvatures, moments = B × strains.
 
     Raises
     ------

@@ -83,11 +83,11 @@ class Solid(Isotropic):
     def half_space_compliance(self, cosine: float) -> float:
         """Displacement × radius / force of a patch with Hertz's pressure, m²/N.
 
-        Load and displacement are weighted by √(1 − r²/a²) and taken along one direction, whose
-        angle to the surface normal has this `cosine`: 0.6 (1 − ν²)/E along the normal,
+        Load and displacement are weighted by √(1 − r²/a²) along one direction; `cosine` is that of
+        its angle to the surface normal. The value is 0.6 (1 − ν²)/E along the normal and
         0.3 (2 − ν)(1 + ν)/E in the surface, from the fields of Johnson, *Contact Mechanics*
-        (1985), (3.41a) and (3.91a). A plane part has no such value (the half-plane's compliance
-        grows with its size): 0.
+        (1985), (3.41a) and (3.91a). It is 0 for a plane part, as the compliance of a half-plane
+        grows with its size.
         """
         if self.plane is not None:
             return 0.0
@@ -96,7 +96,7 @@ class Solid(Isotropic):
         return cosine**2 * normal + (1 - cosine**2) * tangential
 
     def dimensions(self, box: Box, materials: Sequence[Solid]) -> Box:
-        """The sides of the box; for a plane part its width, across which it bends, comes last."""
+        """The sides of the box; the last is the width, across which it bends, for a plane part."""
         if self.plane is None:
             return box
         length, width, _ = box
@@ -176,7 +176,7 @@ def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
 
 
 def _is_thin(mesh: Mesh) -> bool:
-    """Whether rounding of K's entries spoils the bending stiffness: by 3e-6 at 300 × 30 × 1."""
+    """Whether rounding of K spoils the bending stiffness of a thin solid (3e-6 at 300 × 30 × 1)."""
     if mesh.gdim != 3 or mesh.n_cells > MOST_THIN_CELLS:
         return False
 
@@ -199,7 +199,7 @@ def voigt_strain(e: Expr) -> Expr:
 
 
 def voigt_stiffness(material: Any, dim: int) -> Array:
-    """Stiffness of a material in Voigt order: (6, 6) [Pa], of plane parts (3, 3) [N/m]."""
+    """Stiffness of a material in Voigt order: (6, 6) [Pa], or (3, 3) [N/m] for plane parts."""
     C = np.asarray(material.voigt)
     if dim == 3:
         return C
@@ -211,7 +211,7 @@ def voigt_stiffness(material: Any, dim: int) -> Array:
 
 
 def _first_lame(solid: Solid) -> float:
-    """Lamé's λ; for plane stress the λ* that makes the normal stress across the plane zero."""
+    """Lamé's λ; for plane stress the λ* for which the stress normal to the plane is zero."""
     if solid.plane == "stress":
         return solid.E * solid.nu / (1 - solid.nu**2)
     return solid.E * solid.nu / ((1 + solid.nu) * (1 - 2 * solid.nu))
@@ -239,15 +239,15 @@ class AnisotropicSolid(FieldsRepr):
     Parameters
     ----------
     stiffness : array_like (6, 6)
-        Stresses (σ11, σ22, σ33, σ23, σ13, σ12) of the strains (ε11, ε22, ε33, γ23, γ13, γ12) in the
-        material's axes, Pa; symmetric and positive definite. See `orthotropic`.
+        Matrix from strains (ε11, ε22, ε33, γ23, γ13, γ12) to stresses (σ11, σ22, σ33, σ23, σ13,
+        σ12) in the material's axes, Pa; symmetric and positive definite. See `orthotropic`.
     rho : float
         Density, kg/m³.
     axes : array_like (2, 3) or (3, 3), optional
         Directions 1 and 2 of the material (and 3, which follows), as rows; default x, y, z.
 
-    It may fill groups of cells beside `Solid`. Sites on it are points: a patch has no known
-    half-space compliance.
+    A mesh may have groups of it and of `Solid`. Sites on it must be points, as the half-space
+    compliance of a patch is not known.
 
     Raises
     ------
@@ -344,7 +344,7 @@ class AnisotropicSolid(FieldsRepr):
         return sqrt(float((1 / np.diag(S)[:3]).max()) / self.rho)
 
     def constants(self) -> tuple[float, float, float]:
-        """Raise InputError: the material has directions."""
+        """Raise InputError: an anisotropic material has no single E, nu and rho."""
         raise InputError(
             "advise takes no AnisotropicSolid: give dimensions and equivalent E, nu, rho."
         )

@@ -1,8 +1,8 @@
 """Products with K and M of quadratic tetrahedra of isotropic materials, cell by cell.
 
-A product with an assembled matrix reads 80 entries per row from memory; one from the cells reads a
-tenth of that and computes the rest (measured), in the C library (`csrc/fem/antiosc_fem.h`). The
-strains of a straight cell are linear, so that its energy follows from those at its corners. A
+A product with an assembled matrix reads 80 entries per row from memory. A product from the cells,
+in the C library (`csrc/fem/antiosc_fem.h`), reads a tenth of that (measured) and computes the rest.
+The strains of a straight cell are linear, so that their values at its corners give its energy. A
 curved cell is integrated at the quadrature points of the weak form. The two-level solver also needs
 the diagonal blocks of the nodes and the assembled matrix of the linear elements. A factorization
 needs all entries and assembles them (`with_entries`).
@@ -74,8 +74,7 @@ class Cells(ABC):
         """The arrays that the argument of the C kernel points to, in double precision."""
 
     def add(self, k: float, m: float, u: Array, out: Array, linear: bool = False) -> None:
-        """Add (k K + m M) u to `out`, on all dofs of this rank; `linear`: u is linear in each
-        cell."""
+        """Add (k K + m M) u to `out` on all dofs of this rank; `linear`: u is linear in cells."""
         if u.dtype not in self._arguments:
             arrays = [array.astype(u.dtype, copy=False) for array in self._arrays]
             addresses = [library.address(array) for array in arrays]
@@ -89,7 +88,7 @@ class Cells(ABC):
 
 
 class StraightCells(Cells):
-    """Straight cells: `x` (n, 4 or 10, 3) [m]; `constants` (n, 3): Lamé's [Pa], ρ [kg/m³]."""
+    """Straight cells with nodes `x` (n, 4 or 10, 3) [m], `constants` (n, 3): λ, μ [Pa], ρ."""
 
     function, function_of_linear = "afe_tetra_product", "afe_tetra_of_linear"
 
@@ -128,7 +127,7 @@ class StraightCells(Cells):
 
 
 class LinearCells(StraightCells):
-    """Linear elements on straight cells, whose nodes (n, 4) are the corners."""
+    """Linear elements on straight cells; their nodes (n, 4) are the corners."""
 
     function = function_of_linear = "afe_linear_product"
 
@@ -141,8 +140,8 @@ class LinearCells(StraightCells):
 
 
 class CurvedCells(Cells):
-    """Curved cells: nodes `x` (n, 10, 3) [m], `constants` as of `StraightCells`, and the quadrature
-    rules of K and M."""
+    """Curved cells with nodes `x` (n, 10, 3) [m], `constants` as for `StraightCells`, and
+    quadrature rules for K and M."""
 
     function = function_of_linear = "afe_curved_product"
 
@@ -196,8 +195,8 @@ class CurvedCells(Cells):
 
 
 def _diagonal_blocks(lame: Array, shear: Array, inertia: Array) -> Array:
-    """Diagonal blocks (n, 3, 3) of k K + m M, one a node, from k ∫ λ grad N ⊗ grad N, k ∫ μ grad N
-    ⊗ grad N and m ∫ ρ N²."""
+    """The diagonal block of k K + m M at one node of each cell (n, 3, 3), from `lame` = k ∫ λ grad
+    N ⊗ grad N, `shear` = k ∫ μ grad N ⊗ grad N and `inertia` = m ∫ ρ N²."""
     result = lame + shear
     diagonal = np.trace(shear, axis1=1, axis2=2) + inertia
     for a in range(3):
@@ -207,7 +206,7 @@ def _diagonal_blocks(lame: Array, shear: Array, inertia: Array) -> Array:
 
 
 def _mean_gradient_products(slopes: Array, ends: Sequence[int]) -> Array:
-    """Mean (n, 3, 3) of grad N ⊗ grad N by `slopes` (n, 4, 3) of the barycentric coordinates."""
+    """Mean (n, 3, 3) of grad N ⊗ grad N; `slopes` (n, 4, 3): barycentric coordinates' gradients."""
     g = slopes[:, ends[0]]
     if len(ends) == 1:
         return np.asarray(0.6 * g[:, :, None] * g[:, None])
@@ -257,7 +256,7 @@ for _name in ("tetra_product", "tetra_of_linear", "linear_product", "curved_prod
 def cellwise_products(
     mesh: Mesh, form: WeakForm, parts: Parts, conditions: Mapping[tuple[int, ...], IntArray]
 ) -> Tetrahedra | None:
-    """`Tetrahedra` of a large part of quadratic isotropic tetrahedra; None for other parts."""
+    """`Tetrahedra` for a large part of quadratic isotropic tetrahedra; None for other parts."""
     imap = form.space.dofmap.index_map
     is_large = imap.size_global * form.space.dofmap.index_map_bs >= LEAST_CELLWISE_DOFS
     tetrahedra = mesh.cell == "tetrahedron" and mesh.order <= 2
@@ -269,8 +268,8 @@ def cellwise_products(
 
 
 class Tetrahedra:
-    """The cells of this rank of a part, for products with K and M; `conditions`: path of a
-    component -> dofs with ghosts whose rows and columns are 1 in K, 0 in M."""
+    """This rank's cells of a part, for products with K and M. `conditions`: fixed dofs (with
+    ghosts) by path of the component; their rows and columns are 1 in K, 0 in M."""
 
     def __init__(
         self,
@@ -302,7 +301,7 @@ class Tetrahedra:
 
     @cached_property
     def products(self) -> ProductCost:
-        """Cost of products for forecasts, by the share of curved cells."""
+        """Forecast cost of products, which depends on the share of curved cells."""
         of_rank = sum(len(cells.nodes) for cells in self._kinds[1:])
         curved = self.comm.allreduce(of_rank) / self._mesh.n_cells
 
@@ -314,7 +313,7 @@ class Tetrahedra:
         )
 
     def product(self, x: Array, k: float, m: float, linear: bool = False) -> Array:
-        """(k K + m M) x, of any precision (rows of this rank[, columns]); `linear`: see `Cells`."""
+        """(k K + m M) x (rows of this rank[, columns]) in its precision; `linear`: see `Cells`."""
         columns = x if x.ndim > 1 else x[:, None]
         result = np.empty(columns.shape, x.dtype, order="F")
         for j, column in enumerate(columns.T):
@@ -330,7 +329,7 @@ class Tetrahedra:
         return np.zeros(self._dofs + VECTOR_PADDING, dtype)[: self._dofs]
 
     def add(self, k: float, m: float, u: Array, out: Array, linear: bool = False) -> None:
-        """Add (k K + m M) u to `out`, both by `vector`; the values of their ghosts are not read."""
+        """Add (k K + m M) u to `out`, both made by `vector`; ghost values are not read."""
         fixed, fixed_out = u[self._held], out[self._held]
         u[self._held] = 0.0
         out[self.rows :] = 0.0
@@ -373,7 +372,7 @@ class Tetrahedra:
         return result
 
     def coarse(self, P: PETSc.Mat, fixed: IntArray) -> Tetrahedra:
-        """Linear elements on these cells with `fixed` dofs; the added matrices projected by P."""
+        """Linear elements on these cells with `fixed` dofs; P projects the added matrices."""
         result = Tetrahedra(self._mesh, self.linear, self._parts, {})
         result._held = fixed
         result.added = tuple(matrix.ptap(P) if self.carries else matrix for matrix in self.added)
@@ -381,7 +380,7 @@ class Tetrahedra:
         return result
 
     def simplified(self) -> Tetrahedra:
-        """The same with fewer points in curved cells: spectrally equivalent, for smoothing."""
+        """A spectrally equivalent copy with fewer quadrature points in curved cells, to smooth."""
         kinds = self._kinds
         result = copy(self)
         rules = 2 * [_quadrature(self._mesh, self._form, SMOOTHING_DEGREE)]

@@ -1,13 +1,13 @@
-"""The interface of element families to `Structure`, functions they share, and axes of layers.
+"""Interface of element families to `Structure`, functions they share, and axes of layers.
 
 A material is a frozen dataclass of its constants that implements the protocol `Family`. Its method
 `weak_form(mesh, parts, order)` gets `parts`, a list of (material, cells), where `cells` are the
 cells of this rank that the material fills. All materials of one structure are of one `Kind`.
 
-Layers are stacked toward a given `top`, or else along the normals of the cells, which follow from
-the order of their nodes; on a plane mesh, where the node order is arbitrary, toward +z. If a stack
-is not symmetric, neighbouring cells must have their normals on the same side: an error in this
-does not show in the energy.
+Layers are stacked toward a given `top`. The default is +z on a plane mesh, where the node order is
+arbitrary, and otherwise the normal of the cell, which follows from the order of its nodes. If a
+stack is not symmetric, neighbouring cells must have their normals on the same side; the energy
+would not reveal an error.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ DIRECTION_CHECK = checked_by(checked_direction)
 
 
 def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function]:
-    """(0° direction in the sheet, ±1: side of the normal on which the top is) of each cell."""
+    """(0° direction in the sheet, ±1: whether the top is on the normal's side) of each cell."""
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
     normals = _normals(mesh, x)
     axes = compat.cellwise_function(mesh.dolfinx, 3)
@@ -135,7 +135,8 @@ def _directions_at(name: str, direction: Direction, x: Array) -> Array:
 
 
 def _refuse_parallel(sine: Array, x: Array, what: str) -> None:
-    """InputError for a cell (nodes x) with a sine (cells, points) of `what` below LEAST_SINE."""
+    """InputError for a cell (nodes x) with `sine` (cells, points) below LEAST_SINE; `what`: the
+    direction, for the message."""
     bad = sine.min(axis=1) < LEAST_SINE
     if bad.any():
         raise InputError(
@@ -150,7 +151,7 @@ def shown_direction(direction: Direction) -> str:
 
 
 def _check_neighbours(mesh: Mesh, x: Array, side: Array, has_sides: BoolArray) -> None:
-    """InputError if neighbours with unsymmetric layers have opposite normals (`side` is ±1)."""
+    """InputError if neighbouring cells with unsymmetric layers have opposite tops (`side` ±1)."""
     owned = compat.cell_index_map(mesh.dolfinx).size_local
     in_turn = CORNERS_AROUND[mesh.cell]
     number = np.asarray(mesh.dolfinx.geometry.input_global_indices)
@@ -245,7 +246,7 @@ class Family(Protocol):
 
     @property
     def kind(self) -> Kind:
-        """The properties of the family; all materials of a structure have the same."""
+        """The properties of the family, the same for all materials of a structure."""
         ...
 
     @property
@@ -260,14 +261,14 @@ class Family(Protocol):
     def half_space_compliance(self, cosine: float) -> float:
         """Compliance times radius [m²/N] of a patch on a half-space; 0 if the family has none.
 
-        `cosine`: of the angle between load and surface normal.
+        `cosine` is that of the angle between load and surface normal.
         """
         ...
 
     def dimensions(self, box: Box, materials: Sequence[Material]) -> Box:
         """(length, width, thickness) [m] of a part of these materials in a box.
 
-        The thickness is that across which it bends.
+        The part bends across its thickness.
         """
         ...
 
@@ -276,7 +277,7 @@ class Family(Protocol):
         ...
 
     def constants(self) -> tuple[float, float, float]:
-        """(E [Pa], nu, rho [kg/m³]); InputError for a material with directions."""
+        """(E [Pa], nu, rho [kg/m³]); InputError for an anisotropic material."""
         ...
 
 
@@ -327,12 +328,12 @@ class Isotropic(Checked):
 
     Attributes
     ----------
-    yield_strength : Pa; `peak_field` needs it for margins of safety, and contacts for their law.
-    yield_range : (Pa, Pa) between which batches of the material lie.
+    yield_strength : Pa; margins of safety (`peak_field`) and contact laws need it.
+    yield_range : (Pa, Pa), scatter of the yield strength between batches.
     rate : (D in 1/s, q) of Cowper and Symonds: the strength grows with the strain rate; a third
         number (Pa) is the strength to which they apply, if not `yield_strength`.
-    brittle : whether it cracks or crushes before it yields.
-    tensile : (Pa, Pa) between which it cracks in tension, as in bending tests; for margins.
+    brittle : whether the material cracks or crushes before it yields.
+    tensile : (Pa, Pa), range of the tensile strength, as in bending tests; for margins.
     loss : loss factor, for damping ratios by modal strain energy.
     prony : pairs (share of E, time in s) of its relaxation, E(t) = E (1 + Σ share exp(-t/time)).
     name, source : name of the material and source of its numbers, if given by name.
@@ -358,7 +359,7 @@ class Isotropic(Checked):
         return self.E / (2 * (1 + self.nu))
 
     def half_space_compliance(self, cosine: float) -> float:
-        """0: the family has no local indentation; only the contact law describes it."""
+        """0: the family has no local indentation, which only the contact law describes."""
         return 0.0
 
     def bar_speed(self) -> float:
@@ -371,7 +372,7 @@ class Isotropic(Checked):
 
 
 def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Material], float | Array]) -> Expr:
-    """`value(material)`, a number or a matrix, of each cell (UFL)."""
+    """`value(material)`, a number or a matrix, in each cell (UFL)."""
     if len(parts) == 1:  # kernels read it once, not of every cell
         return compat.constant(mesh.dolfinx, value(parts[0][0]))
     shape = np.shape(value(parts[0][0]))

@@ -1,8 +1,8 @@
-"""Operations on matrices and vectors for extraction, by two back-ends: PETSc, and SciPy alone.
+"""Operations on matrices and vectors for extraction, by two back-ends: PETSc, and SciPy only.
 
 Vectors are NumPy arrays of the rows this rank owns, blocks of vectors are (rows, columns); inner
-products sum over the ranks. Matrices are PETSc's, whose rows are spread over the ranks, or SciPy's,
-which one process holds; each function here passes PETSc's on to `petsc_algebra`.
+products sum over the ranks. Matrices are PETSc matrices, distributed over the ranks by rows, or
+SciPy matrices in one process; each function here passes PETSc matrices to `petsc_algebra`.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def multiply(matrix: Matrix, x: Array) -> Array:
 
 
 def uses_strains(matrix: Matrix) -> bool:
-    """Whether products with K are Sᵀ(S x) + rest, with strains S x: see `solver_choice`."""
+    """Whether K x is computed from strains S x as Sᵀ(S x) + rest x; see `solver_choice`."""
     return not is_scipy(matrix) and bool(_petsc().uses_strains(matrix))
 
 
@@ -150,8 +150,8 @@ def conjugate_gradients(
     inner: Callable[[Array, Array], Array],
     most: int,
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield at most `most` + 1 steps (X, rᵀA⁻¹r by the preconditioner (k,), xᵀA x (k,)) for columns
-    of R (rows, k), by functions of A x, the preconditioner and xᵀy of columns."""
+    """Solve A X = R (rows, k) by conjugate gradients: yield the start and at most `most` steps (X,
+    rᵀB r (k,), xᵀA x (k,)); B is the preconditioner `inverse`, `inner` gives xᵀy of columns."""
     X = np.zeros(R.shape)
     r = np.array(R)
     energy = np.zeros(R.shape[1])
@@ -188,7 +188,7 @@ def norms(comm: MPI.Comm, X: Array) -> Array:
 
 
 def diagonal_roots(matrix: Matrix) -> Array:
-    """√a_ii of the rows of this rank; rows with a zero diagonal get the median of the others."""
+    """√a_ii of the rows of this rank; a zero a_ii is replaced by the median of the others."""
     result = np.sqrt(np.maximum(diagonal(matrix), 0.0))
     comm = communicator(matrix)
     if not all(comm.allgather(result.all())):
@@ -205,7 +205,7 @@ def force_ratios(matrix: Matrix, X: Array) -> Array:
 
 
 def energy_ratios(matrix: Matrix, X: Array) -> Array:
-    """xᵀA x / xᵀD x of columns x (k,), ±1e-16 for a null vector, whatever its small errors."""
+    """xᵀA x / xᵀD x of columns x (k,); about ±1e-16 for a null vector with small errors."""
     comm = communicator(matrix)
     energy = column_products(comm, X, multiply(matrix, X))
     return energy / norms(comm, diagonal_roots(matrix)[:, None] * X) ** 2

@@ -1,18 +1,18 @@
-"""CHOLMOD's supernodal Cholesky factor, called directly in the library that PETSc has loaded, or in
-that of the wheel sparsax beside a PETSc without it.
+"""CHOLMOD's supernodal Cholesky factor, called in the library that PETSc has loaded, or in the
+library of the wheel sparsax if PETSc has none.
 
-PETSc links CHOLMOD but does not give access to the factor. With direct access, the cost of a sparse
-load is that of its own branch of the elimination tree (`antiosc.fem.linalg.deflections`), and the
-ordering is computed on the graph of the nodes. If the library cannot be called directly
-(`refusal`), MUMPS factors (`antiosc.fem.linalg.solver_choice.MumpsFactor`).
+PETSc links CHOLMOD but does not give access to the factor. With direct access, a sparse load costs
+only its own branch of the elimination tree (`antiosc.fem.linalg.deflections`), and the ordering is
+computed on the graph of the nodes. If the library cannot be called directly (`refusal`), MUMPS
+factorizes (`antiosc.fem.linalg.solver_choice.MumpsFactor`).
 
-Compared with MUMPS, whole maps are 1.6 times (43 263 dofs) and 2.6 times (119 523) as fast, with
-5 to 7 times less for each site.
+Whole maps are 1.6 times (43 263 dofs) and 2.6 times (119 523 dofs) as fast as with MUMPS; a site
+takes 5 to 7 times less.
 
 Chen, Davis, Hager and Rajamanickam, *Algorithm 887: CHOLMOD*, ACM TOMS 35 (2008).
 
-The structures are those of `cholmod.h`; they are the same from CHOLMOD 3.0 (SuiteSparse 5) to 5.3
-(SuiteSparse 7.10) as far as they are declared here. `refusal` tries them on a small matrix.
+The C structures of `cholmod.h` are declared here as far as they are the same from CHOLMOD 3.0
+(SuiteSparse 5) to 5.3 (SuiteSparse 7.10). `refusal` tries them on a small matrix.
 """
 
 from __future__ import annotations
@@ -163,8 +163,8 @@ def call_error(common: Common, what: str, size: float | None = None) -> AntioscE
 
 @contextmanager
 def without_openmp() -> Iterator[None]:
-    """Keep CHOLMOD's own OpenMP loops on one thread: up to SuiteSparse 5 four threads, waiting for
-    the next short loop, slow down BLAS and other ranks, by up to half of the time."""
+    """Keep CHOLMOD's own OpenMP loops on one thread: up to SuiteSparse 5 its four threads, while
+    they wait for the next short loop, slow down BLAS and other ranks, by up to half of the time."""
     openmp, blas = _loaded_library("libgomp.so.1"), _loaded_library("libopenblas.so.0")
     levels = 0
     if openmp and blas and blas.openblas_get_parallel() != OPENMP_PARALLEL:
@@ -199,9 +199,9 @@ class NotPositiveDefiniteError(NotConvergedError):
 
 
 class Supernodes(NamedTuple):
-    """L of P A Pᵀ = L Lᵀ: supernode s has columns start[s] … start[s+1] - 1, rows
-    rows[row[s]:row[s+1]], its own columns first, entries values[value[s]:] by column (first upper
-    triangle unused)."""
+    """L of P A Pᵀ = L Lᵀ. Supernode s has the columns start[s] … start[s+1] - 1, the rows
+    rows[row[s]:row[s+1]] (its own columns first) and the entries values[value[s]:] by column; the
+    upper triangle of its first rows is unused."""
 
     start: IntArray
     row: IntArray
@@ -279,7 +279,8 @@ class Cholesky:
         return int(self._memory.factor.contents.xsize)
 
     def factorized(self) -> Cholesky:
-        """The same with L, without its copy of A; NotPositiveDefiniteError if there is none."""
+        """This object with the numeric factor L and without A; NotPositiveDefiniteError if A is
+        not positive definite."""
         memory, common = self._memory, self._memory.common
         assert self._matrix is not None
 
@@ -334,7 +335,7 @@ class Cholesky:
 
     @cached_property
     def supernodes(self) -> Supernodes:
-        """L as arrays in CHOLMOD's memory, which is freed with the last of them."""
+        """L as arrays in CHOLMOD's memory, which is freed with the last of the arrays."""
         memory = self._memory
         factor = memory.factor.contents
         count = factor.nsuper + 1

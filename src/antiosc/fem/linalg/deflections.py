@@ -2,14 +2,14 @@
 
 With P A Pᵀ = L Lᵀ, bᵀy is the square of z = L⁻¹Pb, and z is zero outside the branch of the
 elimination tree from the columns of b to the root (Gilbert and Peierls, SIAM J. Sci. Stat. Comput.
-9 (1988) 862). Neighbouring sites share most of that branch and are solved as one block: an eighth
-of the operations of separate solves, on a bracket of 10⁵ dofs. On such a bracket a patch takes
-1.1 ms, MUMPS's solve for sparse right-hand sides 8.5 ms, and the entries of the inverse that MUMPS
-computes 62 ms (measured). The cores share the blocks, each of which one thread computes alone.
+9 (1988) 862). Neighbouring sites share most of that branch and are solved as one block, which takes
+an eighth of the operations of separate solves on a bracket of 10⁵ dofs. There a patch takes 1.1 ms;
+MUMPS takes 8.5 ms by sparse right-hand sides, 62 ms by entries of the inverse (measured). Each
+block is computed by one thread; the cores share the blocks.
 
 The inertia is minus the derivative of the compliance with respect to the shift s of A = K + sM. The
-contribution of the known modes follows from them; only that of the truncated modes is computed,
-from a second factor, of A + σM. Over ranks every load is solved for.
+known modes give their contribution directly; the contribution of the truncated modes is computed
+with a factor of A + σM. On several ranks one solve is made for every load.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ class FactoredStructure(Protocol):
 def deflections(
     structure: FactoredStructure, loads: scipy.sparse.csr_matrix, omega: Array, b: Array
 ) -> tuple[Array, Array]:
-    """(bᵀy [m/N], yᵀMy [kg m²/N²]) on every rank, with y = (K + shift M)⁻¹b, of the columns b of
-    `loads` (rows, P), whose values in the modes `omega` (J,) [rad/s] are `b` (P, J)."""
+    """(bᵀy [m/N], yᵀMy [kg m²/N²]) on every rank, y = (K + shift M)⁻¹b, for each column b of
+    `loads` (rows, P). `omega` (J,) [rad/s] and `b` (P, J): known modes, and the loads in them."""
     solver = structure.factorize()
     if not isinstance(solver, Factorization):
         return _deflections_by_solves(structure, loads)
@@ -75,7 +75,7 @@ def deflections(
     step = SHIFT_STEP * x[-1]
     C, shifted = _compliances_at_two_shifts(structure, solver, loads, step)
 
-    # what the known modes leave of both; as one mode of compliance `rest` and frequency² 1/slow
+    # compliances of the truncated modes, as one mode of compliance `truncated`, frequency² 1/slow
     truncated = C - b**2 @ (1 / x)
     rest_after = shifted - b**2 @ (1 / (x + step))
     slow = (truncated - rest_after) / (step * np.where(rest_after > 0, rest_after, np.inf))
@@ -209,7 +209,7 @@ class Walks:
         return result
 
     def _eliminated(self, s: int, z: Array) -> Array:
-        """Rows `z` of a supernode (height, k), solved for its columns and subtracted below."""
+        """Forward substitution of rows `z` (height, k) with supernode s: solved rows, then rest."""
         height, width = len(z), self._columns[s]
         first = self._L.value[s]
         block = self._L.values[first : first + height * width].reshape(width, height).T

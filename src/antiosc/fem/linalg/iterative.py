@@ -1,24 +1,25 @@
-"""Conjugate gradients of PETSc, and their preconditioning by algebraic multigrid.
+"""Conjugate gradients of PETSc, preconditioned by multigrid.
 
-Smoothed aggregation (PETSc's GAMG) knows the rigid motions. Its graph has no weak couplings, and is
-squared once, which PETSc does only if options are read: without it the levels have four times as
-many entries.
+Smoothed aggregation (PETSc's GAMG) is given the rigid motions. Weak couplings are removed from its
+graph, which is squared once; PETSc does this only if options are read, and without it the levels
+have four times as many entries.
 
-Quadratic solids have two levels instead, the coarse one of linear elements on the same mesh. With P
-the interpolation from them, its matrix is PᵀAP: springs, masses, supports and any material are in
-it. On the fine level Chebyshev's iteration acts, with the diagonal blocks of the nodes. The coarse
-level is factored. Where it is large, a third level of its smoothed aggregates is factored instead,
-and visited twice. Linear elements lock where a part is one element thick or nearly incompressible:
-a factor is better there. Where products are computed from the cells, smoothing is in single
-precision, but not the product with a coarse correction, which leaves far smaller residuals.
+Quadratic solids have two levels instead; the coarse level has linear elements on the same mesh.
+With the interpolation P from it, its matrix is PᵀAP, which contains springs, masses, supports and
+any material. Chebyshev's iteration with the diagonal blocks of the nodes smooths the fine level.
+The coarse level is factorized; if it is large, a third level of its smoothed aggregates is
+factorized instead, and visited twice. Linear elements lock where a part is one element thick or
+nearly incompressible: a factor is better there. If products are computed from the cells, smoothing
+uses single precision; the product with a coarse correction, which leaves far smaller residuals,
+uses double precision.
 
-A solve ends where the energy norm of its error is `ITERATION_RESIDUAL` of that of the solution, as
-the preconditioner B measures it; the largest and least eigenvalues of BA, which conjugate gradients
-find beside the solution, bound the difference from the true error, and are used in the error bound
-of a model. The compliance bᵀA⁻¹b has about the square of it as its relative error, for the error of
-conjugate gradients is orthogonal to the solution in energy; the Krylov recurrence of
-anti-oscillators takes products with A anew, and is a Galerkin model for any vectors. The errors of
-Z are listed in benchmarks/speed/large_parts.md.
+A solve ends when the energy norm of its error, as the preconditioner B measures it, is
+`ITERATION_RESIDUAL` of the energy norm of the solution. Conjugate gradients also estimate the
+largest and least eigenvalues of BA; these bound the difference from the true error and enter the
+error bound of a model. The relative error of the compliance bᵀA⁻¹b is about the square of the
+solve's error, which is orthogonal to the solution in energy; the Krylov recurrence of
+anti-oscillators computes products with A anew, and gives a Galerkin model for any vectors. The
+errors of Z are listed in benchmarks/speed/large_parts.md.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ BACKWARD_ERROR = 1e-6
 
 @dataclass(frozen=True)
 class Levels:
-    """Functions that give the data of a part for a multigrid."""
+    """Functions that return the data of a part for a multigrid method."""
 
     motions: Callable[[], Array]  # its rigid-body ones (rows of this rank, r)
     #: interpolation from coarse to fine dofs, zero rows for fixed ones; None: none is known
@@ -84,7 +85,7 @@ class Levels:
 
 
 class PetscSolver(Solver):
-    """Base of solvers by PETSc."""
+    """Base of solvers that use PETSc."""
 
     def _set_up(self) -> None:
         self._ksp = PETSc.KSP().create(self.A.getComm())
@@ -134,7 +135,7 @@ class Multigrid(PetscSolver):
 
     @property
     def description(self) -> str:
-        """Name of the solver, the error at which its solves end, and the forecast."""
+        """Text: name of the solver, relative error of its solves, and forecast."""
         text = f"{self.method}, relative error of solves {ITERATION_RESIDUAL:.0e}"
         return text if self.cost is None else f"{text}; {self.cost}"
 
@@ -214,8 +215,8 @@ AGGREGATED_CYCLES = 2
 
 
 class TwoLevels(Multigrid):
-    """Conjugate gradients with a two-level preconditioner: `motions`() gives rigid-body motions
-    (rows, r), `inverse`(A) gives A⁻¹, and `coarse` is PᵀAP, `factored` or solved by aggregates."""
+    """Conjugate gradients with a two-level preconditioner. `motions()` returns rigid-body motions
+    (rows, r), `inverse(A)` the function b -> A⁻¹b; `coarse` is PᵀAP, `factored` or aggregated."""
 
     method = "conjugate gradients with two levels"
     pace = ", which are slow where a part is thin or nearly incompressible"
@@ -259,8 +260,8 @@ class TwoLevels(Multigrid):
 
 
 class Cycle:
-    """A multigrid cycle, an approximate A⁻¹: P interpolates from the next level, whose approximate
-    inverse is applied `corrections` times between two smoothings."""
+    """A multigrid cycle that approximates A⁻¹. P interpolates from the next level; its approximate
+    inverse `coarse` is applied `corrections` times between two smoothings."""
 
     def __init__(
         self, A: PETSc.Mat, P: PETSc.Mat, coarse: Callable[[Array], Array], corrections: int = 1
@@ -271,7 +272,7 @@ class Cycle:
         self._smooth = Smoother(A)
 
     def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set y ≈ A⁻¹x. x is scaled, as products of single numbers below 1e-38 are slow."""
+        """Set y ≈ A⁻¹x. x is scaled first: single-precision numbers below 1e-38 are slow."""
         load = x.array_r
         size = self._comm.allreduce(float(np.abs(load).max(initial=0.0)), MPI.MAX) or 1.0
         y.setArray(size * self(load / size))
@@ -335,7 +336,7 @@ FIXED_WEIGHT = 0.01
 
 
 def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
-    """`motions` (rows, r) of the fine dofs, taken at the coarse dofs: (coarse rows, r)."""
+    """Values (coarse rows, r) at the coarse dofs of `motions` (rows, r) of the fine dofs."""
     coarse, fine = P.createVecs()
     result = np.empty((coarse.getLocalSize(), motions.shape[1]))
 
@@ -352,8 +353,8 @@ def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
 
 
 def without_fixed(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
-    """P, changed in place: zero in rows of `fixed` fine dofs and columns of coarse dofs that move
-    them."""
+    """P, changed in place to zero in the rows of `fixed` fine dofs and in the columns of coarse
+    dofs that move them."""
     coarse, fine = P.createVecs()
     fine.setArray(np.where(fixed, 1.0, 0.0))
     P.multTranspose(fine, coarse)
@@ -382,7 +383,7 @@ def _with_ones(coarse: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
 
 
 def linear_cells(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """The coarse matrix of a matrix by cells, by linear elements on its cells."""
+    """The coarse matrix, from linear elements on the cells, of a matrix multiplied by cells."""
     product = A.getAttr(CELLS_KEY)
     return cell_matrix(product.cells.coarse(P, empty_columns(P)), product.k, product.m)
 
@@ -414,7 +415,7 @@ for _kernel, _real in zip(kernels.values(), (c_double, c_float), strict=True):
 
 
 class Smoother:
-    """Chebyshev's iteration for a matrix A, in single precision for products by cells."""
+    """Chebyshev's iteration for A, in single precision if A is multiplied cell by cell."""
 
     def __init__(self, A: PETSc.Mat) -> None:
         self._A = A
@@ -442,7 +443,7 @@ class Smoother:
             rho = next_rho
 
     def __call__(self, load: Array, last: bool = False) -> tuple[Array, Array]:
-        """(x ≈ A⁻¹ load, load - A x: not up to date if `last`), which the next call overwrites."""
+        """(x ≈ A⁻¹ load, residual load - A x, outdated if `last`); overwritten by the next call."""
         self._residual[: self._rows] = load
         for keep, gain in self._factors:
             if keep:
@@ -467,7 +468,7 @@ class Smoother:
             self._residual -= multiply(self._A, self._step)
 
     def _advance(self, keep: float, gain: float) -> None:
-        """Set the step to `keep` times the last one and `gain` times D⁻¹ residual; add it."""
+        """Set the step to keep · last step + gain · D⁻¹ residual, and add it to the solution."""
         count, size, _ = self._inverse.shape
         inverse, residual, step, total = (
             library.address(array)

@@ -1,4 +1,4 @@
-"""The algebra of `antiosc.fem.linalg.algebra` on PETSc matrices, with rows spread over ranks."""
+"""The functions of `antiosc.fem.linalg.algebra` for PETSc matrices, distributed over ranks."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CELLS_KEY = "antiosc_cells"
 
 
 class Cells(Protocol):
-    """The cells of a part with products of their own: `Tetrahedra`."""
+    """Protocol of cells that compute matrix products themselves, as `Tetrahedra` do."""
 
     comm: MPI.Comm
     rows: int
@@ -61,7 +61,7 @@ class CellProduct:
 
     @property
     def diagonal(self) -> Array:
-        """The diagonal on the rows of this rank; once there are entries, theirs."""
+        """The diagonal on the rows of this rank, from the stored entries if there are any."""
         if self._diagonal is None:
             blocks = self.cells.blocks(self.k, self.m)
             rows = np.arange(len(blocks))
@@ -106,7 +106,7 @@ def with_entries(matrix: PETSc.Mat) -> PETSc.Mat:
 
 
 class _InverseContext:
-    """PETSc's Python preconditioner by a function r -> A⁻¹r of arrays (rows,)."""
+    """Context of a PETSc preconditioner that applies a function r -> A⁻¹r of arrays (rows,)."""
 
     def __init__(self, inverse: Callable[[Array], Array]) -> None:
         self._inverse = inverse
@@ -145,7 +145,7 @@ def from_csr(name: str, matrix: scipy.sparse.csr_matrix) -> PETSc.Mat:
 
 
 def without_zeros(matrix: PETSc.Mat) -> PETSc.Mat:
-    """The matrix without its stored zeros: of M, those between the directions at two nodes."""
+    """The matrix without its stored zeros; M has them between different directions of nodes."""
     pointers, columns, values = matrix.getValuesCSR()
     stored = values != 0
     count = np.append(0, np.cumsum(stored))
@@ -227,7 +227,7 @@ def multiply(matrix: PETSc.Mat, x: Array) -> Array:
 
 
 def multiply_linear(matrix: PETSc.Mat, x: Array) -> Array:
-    """matrix · x for a vector that is linear in each cell, of which few numbers are read then."""
+    """matrix · x for a vector that is linear in each cell, which takes fewer memory accesses."""
     if not uses_cells(matrix):
         return multiply(matrix, x)
     product: CellProduct = matrix.getAttr(CELLS_KEY)

@@ -1,10 +1,10 @@
 """The base of all solvers of symmetric positive definite matrices: checked solves, forecasts.
 
-Forecasts are the time (seconds of one core) and memory (bytes) of the solvers of a large part.
-The cost of a factor follows from the number of its entries, which a symbolic analysis gives; that
-of two levels from the size of their matrices and the iterations of one trial solve. These depend on
-Poisson's ratio, on thinness, slivers, directions of the material and springs, and a random load
-takes within 20 % of the iterations of the loads of a model (measured).
+Forecasts are the time (seconds of one core) and memory (bytes) of the solvers of a large part. The
+cost of a factor follows from the number of its entries, which a symbolic analysis counts. The cost
+of two levels follows from the size of their matrices and the iterations of one trial solve, which
+depend on Poisson's ratio, thinness, slivers, material axes and springs. A random load takes within
+20 % of the iterations of a model's loads (measured).
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class Cost:
 
 
 def cost_of_factor(entries: float, columns: float) -> Cost:
-    """Cost of a factor with these entries, and of a model's solves of `columns` at once."""
+    """Cost of a factor with `entries` entries, and of a model's solves of `columns` at once."""
     return Cost(FACTOR_ENTRY_BYTES * entries, seconds_of_factor(entries, columns))
 
 
@@ -134,7 +134,7 @@ def bytes_of_shells(dofs: float, n: int) -> float:
 
 @dataclass(frozen=True)
 class LevelSizes:
-    """Numbers of entries from which the cost of a two-level solver follows."""
+    """Numbers of entries that determine the cost of a two-level solver."""
 
     stored: float  # of A, also where products by cells do not store them
     products: ProductCost
@@ -142,7 +142,7 @@ class LevelSizes:
 
     @property
     def coarse(self) -> float:
-        """Number of entries in the factor of the coarse level; 0: only its aggregates have one."""
+        """Number of entries of the coarse level's factor; 0 if only aggregates are factorized."""
         entries = self.factor / QUADRATIC_OVER_LINEAR
         return entries if entries <= MOST_COARSE_ENTRIES else 0.0
 
@@ -213,7 +213,7 @@ class Solver(ABC):
 
     @abstractmethod
     def solve_block(self, R: Array) -> Array:
-        """A⁻¹R for a block of vectors (rows, k), without a check beyond the solver's."""
+        """A⁻¹R for a block of vectors (rows, k), with no check but the solver's own."""
 
     def solve(self, r: Array) -> Array:
         """A⁻¹r for one vector."""
@@ -239,7 +239,7 @@ class Solver(ABC):
 
     @contextmanager
     def accurately(self) -> Iterator[None]:
-        """Context in which solves are as accurate as the shapes of an eigenproblem need."""
+        """Context in which solves have the accuracy that an eigenproblem's shapes need."""
         yield
 
     @property
@@ -276,7 +276,7 @@ SYMMETRIC_ORDER: dict[str, object] = {
 
 
 class SuperLU(Factorization):
-    """P A Pᵀ = L D Lᵀ by SuperLU: without positive pivots on the diagonal A is not definite."""
+    """P A Pᵀ = L D Lᵀ by SuperLU; A is positive definite if all diagonal pivots are positive."""
 
     def _set_up(self) -> None:
         try:

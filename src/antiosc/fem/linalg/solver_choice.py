@@ -1,21 +1,21 @@
-"""Solvers of PETSc matrices: their choice by memory and time, K from its strains, compliances.
+"""Solvers of PETSc matrices: their choice by memory and time, and products of K by strains.
 
 The size of a Cholesky factor of a compact body grows as n^(4/3). If it does not fit in the free
 memory, conjugate gradients are used (`antiosc.fem.linalg.iterative`): preconditioned by two levels
 on quadratic solids, by algebraic multigrid elsewhere. If their matrices do not fit either, an
-OutOfMemoryError says so before they are made. From `LEAST_TIMED_DOFS` dofs on two levels are also
-used where they take less time: a trial solve counts their iterations, and ends at those with which
-a factor is faster (`antiosc.fem.linalg.solver`).
+OutOfMemoryError says so before they are made. From `LEAST_TIMED_DOFS` dofs on, two levels are also
+used if they take less time: a trial solve counts their iterations, and stops at the number with
+which a factor is faster (`antiosc.fem.linalg.solver`).
 
-K = SᵀS + rest: the entries of K of a slender beam are dominated by the shear stiffness; the bending
-energy is what remains when these entries cancel. Their rounding ε makes a relative error of up to ε
-(L/r)² n² of the bending stiffness (r the radius of gyration, n nodes): of k0 4e-8 at L/r = 350 and
-100 nodes, 3e-6 at 900 and 400, all digits at 3e5 and 2000. S, whose rows are the strains at the
-Gauss points times √(stiffness · weight), has the square root of K's condition number: Sᵀ(S x) loses
-ε L/r. The gain is that of QR over the normal equations in least squares (Golub and Van Loan,
-*Matrix Computations*, §5.3). The factor of the rounded K is the preconditioner of conjugate
-gradients with that product: one or two steps up to L/r = 3e4, ten if rounding has removed the
-bending stiffness from the factor.
+K = SᵀS + rest: shear stiffness dominates the entries of K of a slender beam; the bending energy is
+the small remainder when they cancel. Their rounding ε causes a relative error of the bending
+stiffness of up to ε (L/r)² n² (r the radius of gyration, n nodes). The error of k0 is 4e-8 at L/r =
+350 and 100 nodes, 3e-6 at 900 and 400; all digits are lost at 3e5 and 2000. The rows of S are the
+strains at the Gauss points times √(stiffness · weight). S has the square root of K's condition
+number, so that Sᵀ(S x) loses only ε L/r, as QR does compared with normal equations in least squares
+(Golub and Van Loan, *Matrix Computations*, §5.3). Conjugate gradients use this product, and the
+factor of the rounded K as their preconditioner: one or two steps up to L/r = 3e4, ten if rounding
+has removed the bending stiffness from the factor.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def use_strain_product(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat) -> None
 
 
 class SolverByStrains(Solver):
-    """Conjugate gradients on A's product by strains, preconditioned by a solver of its entries."""
+    """Conjugate gradients with A's product by strains; a solver of A's entries preconditions."""
 
     growth = SOLUTION_GROWTH_BY_STRAINS
 
@@ -128,7 +128,7 @@ class SolverByStrains(Solver):
         return X
 
     def force_sizes(self, R: Array) -> Array:
-        """Energy norms √(rᵀA⁻¹r) (k,) of loads R: rounding would fail a check by Euclidean ones."""
+        """Energy norms √(rᵀA⁻¹r) (k,) of loads R; rounding would fail checks by Euclidean norms."""
         squares = column_products(self.comm, R, self.solve_block(R))
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
@@ -138,7 +138,7 @@ MUMPS_MARGIN = 60
 
 
 class CholmodFactor(Factorization):
-    """Cholesky factor of a matrix on one rank, by CHOLMOD, from an `analysis` of it."""
+    """Cholesky factor of a one-rank matrix by CHOLMOD, from its symbolic `analysis` if given."""
 
     def __init__(self, A: PETSc.Mat, analysis: Cholesky | None = None) -> None:
         self._analysis = analysis
@@ -209,7 +209,7 @@ class MumpsFactor(PetscSolver, Factorization):
 
 
 def entries_by_mumps(A: PETSc.Mat) -> float:
-    """MUMPS's number of entries, forecast from one displacement component, b² times; or 0."""
+    """Entries of MUMPS's factor: b² times those for one of b dofs per node; 0 if b is 1."""
     block = A.getBlockSize()
     if block == 1:
         return 0.0
@@ -274,7 +274,7 @@ def _chosen_solver(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: 
 def _two_levels_if_faster(
     A: PETSc.Mat, forecast: Forecast, levels: Levels, columns: float
 ) -> Multigrid | None:
-    """Two levels if a trial solve shows that they take less time than the factor; or None."""
+    """A two-level solver if a trial solve shows it to be faster than the factor, else None."""
     sizes = _sizes_of(A, forecast.entries)
     seconds = seconds_of_factor(forecast.entries, columns)
     iteration_limit = sizes.iterations_within(seconds, columns)
@@ -324,7 +324,7 @@ def _two_levels(
     forecast: Forecast,
     factored: bool,
 ) -> TwoLevels:
-    """Two levels of A from the forecast of its coarse matrix, which is `factored` or aggregated."""
+    """Two-level solver of A; the coarse matrix in `forecast` is `factored` or aggregated."""
     if not factored:
         forecast.analysis = None  # it has a copy of the coarse matrix
 
@@ -336,7 +336,7 @@ def _two_levels(
 
 
 def _sizes_of(A: PETSc.Mat, factor: float) -> LevelSizes:
-    """Sizes of a two-level solver of A whose factor would have `factor` entries."""
+    """Sizes of a two-level solver of A; a factor of A would have `factor` entries."""
     return LevelSizes(stored_entries(A), _products_of(A), factor)
 
 
@@ -347,7 +347,7 @@ def _products_of(A: PETSc.Mat) -> ProductCost:
 
 
 def stored_entries(A: PETSc.Mat) -> float:
-    """Number of entries of A on all ranks; for a cell-by-cell matrix, of the assembled one."""
+    """Number of entries of A on all ranks, as if assembled if A is multiplied cell by cell."""
     if uses_cells(A):
         return _products_of(A).row * float(A.getSize()[0])
     return float(A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"])
@@ -355,7 +355,7 @@ def stored_entries(A: PETSc.Mat) -> float:
 
 @dataclass(eq=False)
 class Forecast:
-    """Forecast of the factor of a matrix, and the analysis from which it comes."""
+    """Forecast of a matrix's factor, and the symbolic analysis that gave it."""
 
     entries: float  # of the factor on all ranks
     matrix: PETSc.Mat  # that is analysed: the given one, or that of linear elements
@@ -370,7 +370,7 @@ class Forecast:
 
 
 def forecast_of(A: PETSc.Mat, prolongation: PETSc.Mat | None = None) -> Forecast:
-    """The forecast of the factor of A, from that of PᵀAP if the interpolation P is given."""
+    """Forecast of the factor of A, derived from PᵀAP if the interpolation P is given."""
     matrix = A if prolongation is None else coarse_matrix(A, prolongation)
     finer = 1.0 if prolongation is None else QUADRATIC_OVER_LINEAR
     comm = A.getComm().tompi4py()
@@ -381,7 +381,7 @@ def forecast_of(A: PETSc.Mat, prolongation: PETSc.Mat | None = None) -> Forecast
 
 
 def factorize(A: PETSc.Mat, analysis: Cholesky | None = None) -> Factorization:
-    """The Cholesky factor of A: by CHOLMOD on one rank, from an `analysis`, by MUMPS on several."""
+    """The Cholesky factor of A: on one rank by CHOLMOD, from `analysis` if given; else by MUMPS."""
     comm = A.getComm().tompi4py()
     by_mumps = comm.size > 1 or cholmod_refused(comm)
     result: Factorization = MumpsFactor(with_entries(A)) if by_mumps else CholmodFactor(A, analysis)

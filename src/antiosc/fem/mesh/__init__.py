@@ -68,7 +68,7 @@ class CellGeometry:
 
     @cached_property
     def bulge(self) -> Array:
-        """Largest distance (cells,) [m] of a node from where it stands in a straight cell."""
+        """Largest distance (cells,) [m] of a node from its position in a straight cell."""
         linear = basix.create_element(basix.ElementFamily.P, self._element.cell_type, 1)
         weights = linear.tabulate(0, self.reference_nodes)[0, :, :, 0]
         off = self.nodes - weights @ self.nodes[:, : len(self.corners)]
@@ -92,7 +92,7 @@ class CellGeometry:
 
     @property
     def _neighbours(self) -> list[int]:
-        """Corners of a cell, or of one of its entities, along the axes from its first corner."""
+        """Numbers of the corners that are next to a cell's first corner along its axes."""
         return [1, 2, 3] if self.simplex else [1, 2, 4]
 
     def entities(self, dim: int) -> tuple[Array, Array]:
@@ -104,7 +104,7 @@ class CellGeometry:
 
 
 class CellEntities:
-    """n entities of one dimension, each in a cell, with X = origin + axes ξ in its reference."""
+    """n entities of one dimension, each in a cell at reference coordinates X = origin + axes ξ."""
 
     def __init__(self, geometry: CellGeometry, cells: IntArray, origin: Array, axes: Array) -> None:
         dim = axes.shape[2]
@@ -233,7 +233,7 @@ class Mesh(ReprMixin):
         return x[0] if len(x) else None
 
     def group(self, name: str) -> Mapping[int, IntArray]:
-        """{dimension: local entities} of a group, or of a side such as "-z"; else InputError."""
+        """{dimension: local entities} of a group or side ("-z"); InputError if it is unknown."""
         if isinstance(name, str) and name in self.groups:
             return self.groups[name]
         if isinstance(name, str) and name in BOX_SIDES:
@@ -280,7 +280,7 @@ def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
 def local_groups(
     mesh: dolfinx.mesh.Mesh, wanted: Mapping[str, Mapping[int, IntArray]]
 ) -> dict[str, dict[int, IntArray]]:
-    """{group: {dimension: entities of this rank}} of `wanted` {…: {…: vertices (n, k)}}."""
+    """{group: {dimension: entities of this rank}} for `wanted`, {group: {dimension: vertices}}."""
     groups: dict[str, dict[int, IntArray]] = {name: {} for name in wanted}
     numbers = np.asarray(mesh.geometry.input_global_indices)
     for dim in sorted({dim for parts in wanted.values() for dim in parts}):

@@ -1,9 +1,9 @@
 """Finished meshes with smaller cells: every cell is halved, and groups follow.
 
-The vertices of the halves of a cell are its corners and the middles of its edges, of its faces of
-four corners and of itself. Four of the eight halves of a tetrahedron fill the octahedron inside it;
-their order is that of J. Bey (Computing 55 (1995) 355), with which repeated halving makes cells of
-three shapes at most. Second-order cells keep their curved sides.
+Halving a cell adds the middles of its edges, of its quadrilateral faces and of the cell as
+vertices. Four of the eight parts of a tetrahedron fill the octahedron inside it; they are ordered
+as by J. Bey (Computing 55 (1995) 355), so that repeated halving makes at most three shapes of
+cells. Second-order cells keep their curved sides.
 """
 
 from __future__ import annotations
@@ -172,8 +172,8 @@ def _middle_nodes(corners: IntArray, shape: HalvingScheme, start: int) -> tuple[
 def _groups_of_division(
     groups: Groups, support: IntArray, entities_of: Callable[[int], IntArray]
 ) -> Groups:
-    """Groups of new entities (by dimension their vertices `entities_of`) that lie in entities of
-    `groups`; `support` (n, k): old points between which a new one lies, or -1."""
+    """Groups of the new entities that lie in entities of `groups`. `entities_of(dimension)`:
+    vertices of the new entities; `support` (n, k): old points between which a point lies, or -1."""
     result: Groups = {name: {} for name in groups}
     for dim in sorted({dim for parts in groups.values() for dim in parts}):
         entities = entities_of(dim).astype(np.int64)
@@ -308,8 +308,8 @@ def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
 
 
 def bisected_once(raw: RawMesh, values: Array) -> tuple[RawMesh, Array]:
-    """The mesh and `values` (wanted over present size (cells,)) after all edges of cells with one
-    below `DIVIDED_RATIO` are halved; parts inherit values times old over new size."""
+    """(mesh, values) after halving all edges of cells whose value is below `DIVIDED_RATIO`.
+    `values` (cells,): ratios of wanted to present size, which parts get times old over new size."""
     arguments = np.ascontiguousarray(raw.cells), raw.points, raw.kind.shape, 1
     old_mesh = compat.create_mesh(MPI.COMM_SELF, *arguments)
     input_cells = np.asarray(old_mesh.topology.original_cell_index)
@@ -335,7 +335,7 @@ def _normals(corners: Array) -> Array:
 
 
 def _supporting_nodes(raw: RawMesh, x: Array) -> IntArray:
-    """The two old points (n, 2) between which each point of `x` lies, equal for an old point."""
+    """The two old points (n, 2) between which each point of `x` lies; equal if it is an old one."""
     first, second = np.triu_indices(raw.kind.vertices, 1)
     edges = np.stack([raw.cells[:, first].ravel(), raw.cells[:, second].ravel()], axis=1)
     edges = np.unique(np.sort(edges, axis=1), axis=0)
@@ -346,7 +346,8 @@ def _supporting_nodes(raw: RawMesh, x: Array) -> IntArray:
 
 
 def _old_points_under(support: IntArray, entities: IntArray) -> IntArray:
-    """Vertices (n, k) of the old entity in which each new one (n, k) lies; -1 if it is larger."""
+    """Vertices (n, k) of the old entity that contains each new entity (n, k); -1 if its carrier
+    is larger."""
     k = entities.shape[1]
     rows = np.sort(support[entities].reshape(len(entities), -1), axis=1)
     first = rows >= 0

@@ -1,6 +1,6 @@
 """`read_mesh`, `box_mesh`: the mesh of a file, of a geometry, of dolfinx, or of given lengths.
 
-The cells of a file are checked, each and together: one that is there twice doubles the mass.
+All cells of a file are checked; for instance a repeated cell would double its mass.
 """
 
 from __future__ import annotations
@@ -66,7 +66,8 @@ PIECE_REMEDY = "piece 1 is the largest; or cells, its group"
 
 
 def misfit_cells(cells: IntArray, kind: CellKind) -> tuple[IntArray, IntArray]:
-    """(cells that share two or more sides with another, cells with a side that three share)."""
+    """(cells with two or more sides in common with another cell, cells with a side in common with
+    two others)."""
     sides = FACETS[kind.shape]
     facets = np.vstack([cells[:, list(side)] for side in sides])
     owner = np.tile(np.arange(len(cells)), len(sides))
@@ -82,12 +83,11 @@ def misfit_cells(cells: IntArray, kind: CellKind) -> tuple[IntArray, IntArray]:
 def sound(
     raw: RawMesh, name: str, made_here: bool, pieces: bool = False, by: str = 'cells="its group"'
 ) -> RawMesh:
-    """The mesh after its checks.
+    """The checked mesh.
 
-    Folded cells are straightened if gmsh made the mesh here (`made_here`), else a warning tells.
-
-    `name`: name of the file; `pieces`: whether unconnected pieces are allowed, since constraints
-    join them; `by`: arguments that choose a piece, for the message.
+    If gmsh made the mesh here (`made_here`), folded cells are straightened; else there is a
+    warning. `name`: name of the file; `pieces`: whether unconnected pieces are allowed, since
+    constraints join them; `by`: arguments that choose a piece, for the message.
 
     Raises
     ------
@@ -183,7 +183,7 @@ SIMPLEX_EDGES = {"triangle": EDGES["triangle"], "tetrahedron": EDGES["tetra"]}
 def _cells_where(
     points: Array, cells: IntArray, shape: str, order: int, fails: Callable[[Array], BoolArray]
 ) -> IntArray:
-    """Numbers of those `cells` (in dolfinx's order) whose Jacobians (cells, q) fail a test."""
+    """Numbers of the `cells` (in dolfinx's order) for whose Jacobians (cells, q) `fails` holds."""
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
     failed = [np.zeros(0, dtype=bool)]
     for start in range(0, len(cells), CELLS_AT_ONCE):
@@ -204,7 +204,7 @@ def folded_cells(
 
 
 def _along_mean_normal(J: Array) -> Array:
-    """Areas (cells, q) of faces along each one's mean normal, < 0 where a face turns back."""
+    """Jacobians (cells, q) of faces along their mean normal, < 0 where a face folds back."""
     normals = np.cross(J[:, :, 0], J[:, :, 1])
     mean = normals.sum(axis=1)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
@@ -226,7 +226,7 @@ CROSSED_RATIO = 0.5
 
 
 def crossed_cells(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
-    """Numbers of cells (nodes in dolfinx's order) whose sides cross, as those of a bowtie."""
+    """Numbers of cells (nodes in dolfinx's order) whose sides cross, as in a bowtie."""
     return _cells_where(
         points,
         cells if shape != "interval" else cells[:0],
@@ -257,8 +257,8 @@ def refuse_degenerate(mesh: Mesh) -> None:
 
 
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:
-    """`points` with the mid-side nodes of folded cells moved to the middle of their sides; repeated
-    for cells that fold by this."""
+    """`points` with the mid-side nodes of folded cells moved to the middle of their sides, repeated
+    while this folds other cells."""
     points = points.copy()
     edges = np.array(SIMPLEX_EDGES[shape])
     first = int(edges.max()) + 1
@@ -300,8 +300,7 @@ def read_mesh(
 ) -> Mesh:
     """Read a mesh, or mesh a geometry.
 
-    A separate process with limits on time and memory reads the file, and executes no commands in
-    it.
+    A separate process with limits on time and memory reads the file; it executes no commands.
 
     Parameters
     ----------
@@ -309,17 +308,17 @@ def read_mesh(
         A Gmsh mesh (`.msh`), a geometry that gmsh meshes (`.geo`, `.step`, `.brep`, `.iges`), a
         deck of Abaqus, CalculiX (`.inp`) or Nastran (`.bdf`, `.nas`, `.fem`), a surface of
         triangles (`.stl`, `.obj`, `.ply`, `.off`), any other file that meshio reads, or a dolfinx
-        mesh. Wedges, pyramids and mixed volumes are cut into tetrahedra, quadrilaterals beside
-        triangles into triangles, and cells with 8 and 20 nodes get the missing nodes.
+        mesh. Wedges, pyramids and mixed volumes are cut into tetrahedra, quadrilaterals of a mesh
+        with triangles into triangles, and cells with 8 and 20 nodes get the missing nodes.
     size
-        Largest element size in m: of the mesh of a geometry, by default that of `default_size`
-        unless a `.geo` sets its own; the cells of a finished mesh are all halved until none is
-        longer, and its groups follow.
+        Largest element size in m. For a geometry the default is `default_size`, unless a `.geo`
+        sets its own. All cells of a finished mesh are halved until none is longer, and its groups
+        are kept.
     gdim
         2 or 3. By default a plane mesh of triangles or quadrilaterals is 2-D; lines and curved
-        faces live in space. `gdim=2` makes a plane frame of lines, `gdim=3` a flat shell of faces.
+        faces are in space. `gdim=2` makes a plane frame of lines, `gdim=3` a flat shell of faces.
     order
-        Geometric order, 1 or 2. By default that of the file; geometries get curved (order 2) faces
+        Geometric order, 1 or 2. Default: the file's order; geometries get curved (order 2) faces
         and volumes, straight where they would fold over, and straight lines. 1 drops mid-side
         nodes.
     refine
@@ -328,21 +327,21 @@ def read_mesh(
         tetrahedra of a finished mesh are bisected there. A site with a radius needs elements no
         larger than the radius.
     groups
-        For a dolfinx mesh: name -> (MeshTags, value). Files bring their own: physical groups,
-        element sets, node sets with the facets that they span, and tags under their number.
+        For a dolfinx mesh: name -> (MeshTags, value). Files have their own groups: physical groups,
+        element sets, node sets with the facets that they span, and tags named by their number.
     cells
-        Which cells of a file make the mesh: a dimension (1, 2 or 3), a group or a list of groups.
-        By default those of the highest dimension; others that are faces or edges of these are
-        told; others elsewhere may be shells and beams, and the file is refused.
+        Cells of the file that make the mesh: a dimension (1, 2 or 3), a group or a list of groups.
+        Default: the cells of the highest dimension. A warning names other cells that are their
+        faces or edges; if there are others, possibly shells and beams, the file is refused.
     parts
-        Names of parts, instances, solids or groups, in place of `cells`: only they are read.
+        Names of parts, instances, solids or groups, instead of `cells`: only they are read.
     unit
-        Unit of the coordinates in the file: "m", "mm", "cm", "in", "ft", or metres per unit, by
-        default m. STEP and IGES files state their own.
+        Unit of the coordinates in the file: "m", "mm", "cm", "in", "ft", or metres per unit;
+        default: m. STEP and IGES files state their own.
     merge
-        Nodes of a finished mesh or deck that are no further apart than this, m, become one.
+        Nodes of a finished mesh or deck at most this far apart, m, become one node.
     solid
-        Fill the closed surface of an STL, OBJ, PLY or OFF file with tetrahedra; without it the
+        Fill the closed surface of an STL, OBJ, PLY or OFF file with tetrahedra; default: the
         triangles are a sheet.
     fragments
         Cut the solids of a CAD assembly at each other, so that they share nodes where they touch.
@@ -352,14 +351,14 @@ def read_mesh(
         Let a `.geo` include other files, run programs and write files; read the options (`.opt`)
         beside a file. Only for files whose author you know.
     timeout
-        Seconds after which reading ends with an error; by default by the size of the file.
+        Seconds after which reading ends with an error; the default depends on the file's size.
     comm
         The MPI communicator that shares the mesh.
 
     Groups of a CAD file or a filled surface are its solids by their labels, its outer faces ("face
-    1", "face 2", …; besides by labels) and its holes by their diameter ("hole 6 mm (1)"). What gmsh
-    cannot mesh is meshed once more with elements that follow its curvature, a surface of triangles
-    by fTetWild (pytetwild); a warning tells it.
+    1", "face 2", …, and labels) and its holes by their diameter ("hole 6 mm (1)"). If gmsh cannot
+    mesh a geometry, it tries again with elements that follow the curvature; a surface of triangles
+    is filled by fTetWild (pytetwild). A warning reports this.
 
     Raises
     ------
@@ -371,8 +370,8 @@ def read_mesh(
     Warns
     -----
     AntioscWarning
-        Folded cells; elements that are no cells of the mesh; a volume that differs from that in CAD
-        by more than 0.5 %.
+        Folded cells; elements that are not cells of the mesh; a volume that differs from the CAD
+        volume by more than 0.5 %.
     """
     for name, value, of in (("size", size, "m"), ("merge", merge, "m"), ("timeout", timeout, "s")):
         if value is not None:
@@ -452,8 +451,8 @@ def usual_size(points: Array) -> float:
 def default_size(mesh: Mesh, size: float) -> float:
     """Default cell size [m] of a geometry, from its mesh with cells of `size` [m].
 
-    There are 20 along its longest side, and of a solid none is longer than twice the mean thickness
-    of its walls, as long as there are at most 30 000 (150 000 dofs).
+    There are 20 cells along its longest side. In a solid, cells are at most as long as twice the
+    mean thickness of its walls, unless that takes more than 30 000 cells (150 000 dofs).
     """
     wanted = usual_size(mesh.dolfinx.geometry.x)
     if mesh.tdim == 3:
@@ -481,7 +480,7 @@ def check_refinements(refine: Sequence[Refinement]) -> None:
 
 
 def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
-    """The mesh with points (n, gdim); `gdim` None: 2 for a plane mesh of faces, else 3."""
+    """The mesh with points (n, gdim). With `gdim` None a plane mesh of faces gets 2, others 3."""
     *_, depth = spans = np.ptp(raw.points, axis=0)
     flat = depth <= 1e-9 * spans.max()
     if gdim is None:
@@ -538,13 +537,14 @@ def box_mesh(
     Parameters
     ----------
     lengths : one, two or three floats
-        Along x, y and z, m: lines (for `Beam`), triangles (for `Shell`) or tetrahedra (`Solid`).
+        Lengths along x, y and z, m. One gives lines (for `Beam`), two triangles (for `Shell`),
+        three tetrahedra (for `Solid`).
     size : float
         Largest element size, m.
     refine : sequence of (point, size)
         As for `read_mesh`.
     gdim : 3 or 2
-        2 puts a bar or a plate into the plane: plane frames and plane stress.
+        2 makes a bar or a plate two-dimensional, for plane frames and plane stress.
     comm : MPI communicator that shares the mesh
 
     Returns

@@ -40,12 +40,13 @@ def projected(
     affine: BoolArray,
     along: Array | None = None,
 ) -> Array:
-    """Reference coordinates (n, t) at which x(ξ) is nearest to each point, inside its cell or
-    outside.
+    """Reference coordinates ξ (n, t) at which x(ξ) is nearest to `points` (n, 3), inside their
+    cells or outside.
 
-    Gauss–Newton iteration from `start` (n, t); it stops for points (n, 3) whose projection lies far
-    outside the cell. `at`: numbers k of points, ξ (k, t) -> (x (k, 3), dx/dξ (k, 3, t)); `affine`
-    (n,): where x(ξ) is, one step is exact; `along`: unit vectors (n, 3) of the projection.
+    Gauss–Newton iteration from `start` (n, t); it stops for points whose projection lies far
+    outside the cell. `at(k, ξ (k, t))` is (x (k, 3), dx/dξ (k, 3, t)) for the points numbered k;
+    `affine` (n,): where x(ξ) is affine, one step is exact; `along`: unit vectors (n, 3) of the
+    projection.
     """
     xi = np.array(start)
     step = np.zeros_like(xi)
@@ -76,7 +77,7 @@ def projected(
 
 
 def across(lines: Array, vectors: Array) -> Array:
-    """Parts (n, 3, k) of vectors across unit vectors (n, 3)."""
+    """Components (n, 3, k) of vectors perpendicular to the unit vectors `lines` (n, 3)."""
     return vectors - lines[:, :, None] * (lines[:, None] @ vectors)
 
 
@@ -105,7 +106,7 @@ def clamped(xi: Array, simplex: bool) -> Array:
 
 
 def pairs_within(centres: Array, reach: Array, points: Array) -> tuple[IntArray, IntArray]:
-    """(items, points) of pairs: points (P, 3) in balls `centres` (n, 3), `reach` (n,)."""
+    """Pairs (ball, point) as two arrays: `points` (P, 3) in balls of radius `reach` (n,)."""
     if not len(points) or not len(centres):
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
 
@@ -135,7 +136,7 @@ class ClosestPoint:
 
 @dataclass(frozen=True, eq=False)
 class ClosestPoints:
-    """The points of the structure closest to P given ones; fields of `ClosestPoint` as arrays."""
+    """The points of the structure closest to P given points: arrays of `ClosestPoint`'s fields."""
 
     rank: IntArray
     cell: IntArray
@@ -145,7 +146,7 @@ class ClosestPoints:
 
     @classmethod
     def of(cls, several: Sequence[ClosestPoint]) -> ClosestPoints:
-        """The arrays of several points."""
+        """Several `ClosestPoint` as arrays."""
         columns = ([getattr(one, field.name) for one in several] for field in fields(cls))
         return cls(*map(np.array, columns))
 
@@ -199,7 +200,7 @@ def corners_at(mesh: Mesh, nearest: ClosestPoint) -> Array:
 
 
 def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
-    """(cell, reference coordinates, distance [m], inf if this rank has none) for points (P, 3)."""
+    """(cell that contains it, reference coordinates, distance [m] or inf) for `points` (P, 3)."""
     cell = np.zeros(len(points), dtype=int)
     distance = np.full(len(points), np.inf)
     X = np.zeros((len(points), mesh.tdim))
@@ -228,7 +229,7 @@ def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array
 
 
 def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
-    """The closest point on this rank: the closest foot on a cell, face or edge, moved onto it."""
+    """The closest point on this rank, by projections onto its cells, faces and edges."""
     n_cells = compat.cell_index_map(mesh.dolfinx).size_local
     if not n_cells:
         return None
@@ -260,7 +261,7 @@ def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
 
 
 def foot_coordinates(entities: CellEntities, item: IntArray, points: Array) -> Array:
-    """ξ (n, dim) of the place on each entity `item` (n,) nearest to its point (n, 3)."""
+    """Coordinates ξ (n, dim) on the entities `item` (n,) nearest to `points` (n, 3)."""
     start = entities.middle[item]
     affine = entities.affine[item]
     xi = projected(lambda k, xi: entities.at(item[k], xi), points, start, affine=affine)
@@ -297,7 +298,7 @@ def largest_entities(mesh: Mesh, group: str) -> tuple[int, IntArray]:
 
 
 def owned_entities(mesh: Mesh, dim: int, entities: IntArray) -> IntArray:
-    """The entities among `entities` that this rank owns."""
+    """The entities in `entities` that this rank owns."""
     mesh.dolfinx.topology.create_entities(dim)
     return entities[entities < mesh.dolfinx.topology.index_map(dim).size_local]
 
@@ -473,7 +474,7 @@ class Faces(Entities):
     def contact(
         self, points: Array, directions: Array, radii: Array, labels: IntArray
     ) -> SurfaceAtSites:
-        """Properties of the surface at sites (P, 3), of the face most against the impact."""
+        """Surface properties at sites (P, 3); at an edge, of the face most against the impact."""
         comm = self.mesh.comm
         count = len(points)
         mean = self.sizes
@@ -584,7 +585,7 @@ class Faces(Entities):
 
     @cached_property
     def _unevenness(self) -> Array:
-        """Largest distance (F,) [m] of a point from where it stands in a parallelogram."""
+        """Largest distance (F,) [m] of a node from its position in a parallelogram."""
         bulge = BULGE_FACTOR * self.geometry.bulge[self.cells]
         if self.simplex:
             return bulge
@@ -627,13 +628,13 @@ def _measure(corners: Array, dim: int) -> float:
 
 
 def mean_thickness(mesh: Mesh) -> float:
-    """Twice the volume over the surface [m]: the thickness of a wall; inf of a closed sheet."""
+    """Twice the volume over the surface [m], a wall's thickness; inf without a surface."""
     volume, surface = volume_and_surface(mesh)
     return 2 * volume / surface if surface else inf
 
 
 def struck_point(faces: Faces, group: str) -> tuple[Array, Array]:
-    """(point (3,) [m] of outer faces next to their centroid, unit inward direction)."""
+    """(middle (3,) [m] of the outer face nearest to the centroid of a group, inward normal)."""
     mesh = faces.mesh
     in_group = np.flatnonzero(np.isin(faces.facets, mesh.group(group).get(faces.dim, ())))
     x = faces.tangents[0][in_group]

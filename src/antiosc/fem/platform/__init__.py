@@ -1,7 +1,7 @@
 """The ranks of MPI: work on rank 0, errors raised on all ranks.
 
-Without mpi4py there is one process, whose communicator is `SERIAL`. Equal arguments on all ranks
-are the caller's duty.
+Without mpi4py there is one process, whose communicator is `SERIAL`. The caller must pass equal
+arguments on all ranks.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ WORLD, ALONE = (SERIAL, SERIAL) if MPI is None else (MPI.COMM_WORLD, MPI.COMM_SE
 def end_all_ranks(
     kind: type[BaseException], error: BaseException, trace: TracebackType | None
 ) -> None:
-    """Print an error that nobody catches and end all ranks: the others would wait for this one."""
+    """Print an uncaught error and end all ranks, which would otherwise wait for this one."""
     sys.__excepthook__(kind, error, trace)
     sys.stderr.flush()
     MPI.COMM_WORLD.Abort(1)
@@ -86,7 +86,7 @@ _packages = threading.RLock()
 
 
 def collective(default: MPI.Comm = WORLD) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Guard a function that all ranks call: an error of one is raised on all, with one thread."""
+    """Decorator of functions that all ranks call: an error on one rank is raised on all ranks."""
 
     def guard(function: Callable[P, T]) -> Callable[P, T]:
         guarded_call = within_memory(function)
@@ -105,7 +105,7 @@ def collective(default: MPI.Comm = WORLD) -> Callable[[Callable[P, T]], Callable
 
 
 def _communicator(values: Iterable[object], default: MPI.Comm) -> MPI.Comm:
-    """The largest communicator of the values, and of those of mappings; `default` without one."""
+    """The largest communicator of the values and of values in mappings; else `default`."""
     found = []
     for value in values:
         for item in value.values() if isinstance(value, Mapping) else [value]:
@@ -144,7 +144,7 @@ def same_ranks(first: MPI.Comm, second: MPI.Comm) -> bool:
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
-    """The result of `work()` done on rank 0, on all ranks; its error is raised on all of them."""
+    """Do `work()` on rank 0 and return its result, or raise its error, on all ranks."""
     if comm.size == 1:
         return work()
     result, error = _tried(work) if comm.rank == 0 else (None, None)
@@ -159,14 +159,14 @@ def raise_on_all(comm: MPI.Comm, error: Exception | None) -> None:
 
 
 def done_on_all(comm: MPI.Comm, work: Callable[[], T]) -> T:
-    """The result of `work()` on each rank; the first error of any rank is raised on all of them."""
+    """Do `work()` on each rank and return its result; the first error is raised on all ranks."""
     result, error = _tried(work)
     raise_on_all(comm, error)
     return result  # type: ignore[return-value]
 
 
 def _tried(work: Callable[[], T]) -> tuple[T | None, Exception | None]:
-    """The result of `work()`, and None, or None and its error."""
+    """(result of `work()`, None), or (None, the exception that it raised)."""
     try:
         return work(), None
     except Exception as error:
@@ -174,7 +174,7 @@ def _tried(work: Callable[[], T]) -> tuple[T | None, Exception | None]:
 
 
 def warn(comm: MPI.Comm, message: str, category: type[Warning] = AntioscWarning) -> None:
-    """Warn once, on rank 0; as an error, if filters make it one, on all ranks."""
+    """Warn once, on rank 0; if filters turn the warning into an error, raise it on all ranks."""
     on_root(comm, lambda: errors.warn(message, category))
 
 
@@ -191,7 +191,7 @@ def _portable(error: Exception | None) -> Exception | None:
 
 
 def _raise_first(errors: list[Exception | None], local_error: Exception | None) -> None:
-    """Raise the first error of all ranks, if any; `local_error` is that of this rank."""
+    """Raise the first error of all ranks, if any; `local_error`: error of this rank or None."""
     first = next((error for error in errors if error is not None), None)
     if first is None:
         return

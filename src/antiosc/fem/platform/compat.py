@@ -1,8 +1,8 @@
-"""Everything that depends on the version of dolfinx: 0.11 is the rule, and 0.5 of Debian 12, 0.9 of
-13 and 0.10 of conda-forge are the exceptions.
+"""All code that depends on the version of dolfinx: it is written for 0.11, with exceptions for 0.5
+of Debian 12, 0.9 of Debian 13 and 0.10 of conda-forge.
 
-Every function here is thin and returns the same on every version; there is no mechanics here. All
-of it is in one file, so that a new version needs changes here only.
+Every function here is short and returns the same on every version; there is no mechanics here. A
+new version of dolfinx needs changes in this file only.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ OLD_DOLFINX = DOLFINX_VERSION < (0, 9)
 def create_mesh(
     comm: MPI.Comm, cells: IntArray, x: Array, cell: str, degree: int
 ) -> dolfinx.mesh.Mesh:
-    """A mesh from arrays of rank 0, in dolfinx's order; MeshError at what would end the process."""
+    """A mesh from arrays of rank 0, in dolfinx's order; MeshError if dolfinx would abort."""
     gdim = x.shape[1]
     corners, inner_nodes = np.split(cells, [CORNER_COUNT[cell]], axis=1)
     double_nodes = comm.allreduce(int(np.isin(inner_nodes, corners).sum()))
@@ -86,7 +86,7 @@ CORNER_COUNT = {"interval": 2, "triangle": 3, "quadrilateral": 4, "tetrahedron":
 def _all_on_root(
     comm: MPI.Comm, n_parts: int, kinds: Sequence[dolfinx.mesh.CellType], cells: list[IntArray]
 ) -> dolfinx.graph.AdjacencyList:
-    """A partition for dolfinx 0.9 that leaves all cells, one flat array of vertices, on rank 0."""
+    """A partition for dolfinx 0.9 that leaves all `cells` (flat array of vertices) on rank 0."""
     n_cells = len(cells[0]) // dolfinx.cpp.mesh.cell_num_vertices(kinds[0])
     return dolfinx.graph.adjacencylist(np.zeros((n_cells, 1), dtype=np.int32))
 
@@ -98,7 +98,7 @@ def node_order(cell: str, n_nodes: int, convention: str) -> IntArray:
 
 
 def lattice_gradients(cell: str, degree: int, n: int) -> Array:
-    """Derivatives (dim, points, nodes) of Lagrange functions at a lattice of n steps a side."""
+    """Derivatives (dim, points, nodes) of Lagrange functions at a lattice of n steps per side."""
     kind = getattr(basix.CellType, cell)
     variant = basix.LagrangeVariant.equispaced
     element = basix.create_element(basix.ElementFamily.P, kind, degree, variant)
@@ -119,8 +119,8 @@ def nodes_between(cell: str) -> list[tuple[list[int], int]]:
 
 
 def name_coordinates(mesh: dolfinx.mesh.Mesh) -> None:
-    """Give a mesh the coordinate element that FFCx 0.5 sets at its first form: all forms of the
-    mesh then have one signature, and are compiled once."""
+    """Give a mesh the coordinate element that FFCx 0.5 would set at its first form. All forms of
+    the mesh then have the same signature and are compiled once."""
     if OLD_DOLFINX:
         domain = mesh.ufl_domain()
         (points, *_) = domain.ufl_coordinate_element().sub_elements()
@@ -136,7 +136,7 @@ def geometry_nodes(mesh: dolfinx.mesh.Mesh) -> IntArray:
 
 
 def _table(connections: dolfinx.graph.AdjacencyList | IntArray, width: int) -> IntArray:
-    """Array (rows, `width`); dolfinx 0.5 has an AdjacencyList."""
+    """Connections as an array (rows, `width`); dolfinx 0.5 gives an AdjacencyList."""
     return np.asarray(getattr(connections, "array", connections)).reshape(-1, width)
 
 
@@ -161,7 +161,7 @@ def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
 
 
 def communicator(mesh: dolfinx.mesh.Mesh) -> MPI.Comm:
-    """The communicator for Python objects of a mesh: a permanent one, which dolfinx 0.9 needs."""
+    """Communicator of a mesh for Python objects: a predefined one if equal (for dolfinx 0.9)."""
     for permanent in (MPI.COMM_WORLD, MPI.COMM_SELF):
         if MPI.Comm.Compare(mesh.comm, permanent) in (MPI.IDENT, MPI.CONGRUENT):
             return permanent
@@ -192,7 +192,7 @@ def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:
 
 
 def refined(mesh: dolfinx.mesh.Mesh, edges: IntArray) -> dolfinx.mesh.Mesh:
-    """A mesh of straight simplices with these edges halved, and others as needed for conformity."""
+    """A mesh of straight simplices with `edges` halved, and others as needed for conformity."""
     refinement = dolfinx.mesh.refine(mesh, np.asarray(edges, dtype=np.int32))
     return refinement if OLD_DOLFINX else refinement[0]
 
@@ -302,7 +302,7 @@ def edge_points() -> Array:
 
 
 def edge_interpolation(X: Array) -> Array:
-    """Matrix (P, 2, 2, n): Nédélec's field at X (P, 2) by n vectors at `edge_points`."""
+    """Matrix (P, 2, 2, n) from n vectors at `edge_points` to Nédélec's field at X (P, 2)."""
     element = _edge_element()
     to_moments = np.asarray(element.interpolation_matrix).reshape(element.dim, 2, -1)
     tables = np.asarray(element.tabulate(0, X)[0])  # (points, dofs, 2)
@@ -354,9 +354,9 @@ def assemble(
     fixed: Mapping[tuple[int, ...], IntArray],
     diagonal: float,
 ) -> PETSc.Mat:
-    """Sum of the bilinear `forms`; rows and columns of fixed dofs are empty but for `diagonal`.
+    """Matrix of the sum of bilinear `forms`; fixed dofs have only `diagonal` in row and column.
 
-    `fixed`: path of a scalar component -> its dofs on this rank, ghosts included.
+    `fixed`: dofs on this rank, ghosts included, by the path of their scalar component.
     """
     zero = np.zeros((), dtype=PETSc.ScalarType)
     bcs = []
@@ -394,7 +394,7 @@ def assemble(
 def strain_matrix(
     strains: Expr, degree: int, space: fem.FunctionSpace, fixed: Mapping[tuple[int, ...], IntArray]
 ) -> PETSc.Mat:
-    """S, a row for each component and Gauss point, with SᵀS = ∫ |strains|²; `fixed`: dofs."""
+    """Matrix S with |S u|² = ∫ |strains(u)|², one row for each strain component and Gauss point."""
     mesh = space.mesh
     size = len(strains)
     points = _space(mesh, "Quadrature", degree, size)
@@ -423,7 +423,7 @@ def _assembled(form: fem.Form, rows: int) -> Array:
 def cell_energies(
     forms: Sequence[ufl.Form], space: fem.FunctionSpace, vectors: Array, weights: Array, degree: int
 ) -> Array:
-    """Σ weight × xᵀ A_c x over columns x of `vectors`, (cells,), A_c of the sum of `forms`."""
+    """Σ weight × xᵀ A_c x (cells,) over columns x of `vectors`; A_c: cell matrix of `forms`."""
     x = fem.Function(space)
     cell = cellwise_function(space.mesh)
     q = ufl.TestFunction(cell.function_space)
@@ -452,7 +452,7 @@ def integrate(form: ufl.Form, mesh: dolfinx.mesh.Mesh) -> float:
 
 
 def constant(mesh: dolfinx.mesh.Mesh, value: ArrayLike) -> fem.Constant:
-    """A UFL constant of any rank; forms that differ in its value only are compiled once."""
+    """A UFL constant of any rank; forms that differ only in its value are compiled once."""
     return fem.Constant(mesh, np.array(value, dtype=PETSc.ScalarType, order="C"))
 
 

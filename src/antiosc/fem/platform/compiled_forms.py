@@ -1,9 +1,9 @@
 """The user's folder of compiled forms, without which every run would call the C compiler.
 
-FFCx loads the library of a form from its folder without any check, and one written by somebody else
-would run in the process: antiosc has its own folder, which only the user may write. While antiosc
-compiles, dolfinx and FFCx read no configuration files, since these name compilers, libraries and
-folders.
+FFCx loads the library of a form from its folder without any check, so that a library written by
+somebody else would run in the process. antiosc therefore has its own folder, which only the user
+may write. While antiosc compiles, dolfinx and FFCx read no configuration files, since these name
+compilers, libraries and folders.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ FFCX_OPTIONS = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
 
 @contextmanager
 def user_folder() -> Iterator[None]:
-    """Context in which dolfinx compiles into, and loads from, the user's folder; or OSError."""
+    """Context in which dolfinx compiles into the user's folder and loads from it; or OSError."""
     folder = cache_folder()
     flags = [*FLAGS, *shlex.split(os.environ.get("CFLAGS", ""))]
     options = {"cache_dir": folder, "timeout": COMPILE_WAIT, "cffi_extra_compile_args": flags}
@@ -63,7 +63,7 @@ _cleared_folders: set[Path] = set()
 
 @contextmanager
 def _shared_folder(folder: Path) -> Iterator[None]:
-    """Context that shares `folder` with other processes; removes leftovers if none compiles."""
+    """Context that shares `folder` with other processes; leftovers are removed if none compiles."""
     with (folder / "lock").open("w") as file:
         if folder not in _cleared_folders:
             with suppress(OSError):  # somebody else compiles, or the file system has no locks
@@ -81,7 +81,7 @@ def _shared_folder(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _replaced(module: ModuleType, function: Callable[..., object]) -> Iterator[None]:
-    """Context in which `function` replaces what reads the configuration files of a module."""
+    """Context in which `function` replaces the module's reader of configuration files."""
     originals = {name: value for name, value in vars(module).items() if name in CONFIG_READERS}
     vars(module).update(dict.fromkeys(originals, function))
     try:
@@ -94,7 +94,7 @@ def _replaced(module: ModuleType, function: Callable[..., object]) -> Iterator[N
 
 
 def cache_folder() -> Path:
-    """The cache folder, created if missing; PermissionError for that of somebody else."""
+    """The cache folder, created if missing; PermissionError if it is somebody else's."""
     cache_home = os.environ.get("XDG_CACHE_HOME", "")
     users = Path(cache_home) if os.path.isabs(cache_home) else Path.home() / ".cache"
     build = EXTENSION_SUFFIXES[0].split(".")[1]
@@ -123,8 +123,9 @@ _compiling = threading.RLock()
 
 @contextmanager
 def quiet_compiler() -> Iterator[None]:
-    """Compile forms without output or `clock`; InputError without a writable cache or if another
-    process does not finish a form, MissingDependencyError without a C compiler."""
+    """Context in which forms are compiled, without output and without counting in `clock`.
+    InputError without a writable cache or if another process does not finish a form,
+    MissingDependencyError without a C compiler."""
     try:
         with (
             uncounted(),
@@ -158,7 +159,7 @@ _loaded: dict[tuple[str, str], tuple[Any, Any]] = {}
 
 @contextmanager
 def _loaded_once() -> Iterator[None]:
-    """Context in which FFCx loads each library once: it lists the whole folder to find one."""
+    """Context in which FFCx loads each library once, as it lists the whole folder to find one."""
     load = jit.get_cached_module
 
     def loaded(library: str, names: Any, folder: object, timeout: int) -> tuple[Any, Any]:
@@ -177,9 +178,9 @@ def _loaded_once() -> Iterator[None]:
 
 @contextmanager
 def _ffcx_mended() -> Iterator[None]:
-    """Context without two faults of FFCx 0.5: it numbers second and higher derivatives on a shell
-    by x, y, z, Basix by directions of the cell; it never closes the empty C file that claims a
-    compilation."""
+    """Context that corrects two faults of FFCx 0.5: it numbers second and higher derivatives on a
+    shell by x, y, z instead of the cell's directions, as Basix does; and it never closes the empty
+    C file that reserves a compilation."""
     if FFCX_VERSION >= (0, 6):
         yield
         return

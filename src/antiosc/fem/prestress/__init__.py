@@ -1,4 +1,4 @@
-"""`Prestress`, `Spin`: the loads that a part carries before an impact."""
+"""`Prestress`, `Spin`: static loads of a part before an impact."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 def _vector(name: str, value: object, unit: str) -> tuple[float, ...]:
-    """A checked vector of three numbers; the two numbers of a plane part get a zero third one."""
+    """A checked vector of three numbers; two numbers, of a plane part, get a zero third one."""
     components = coordinates(name, value, unit)
     return (*components, 0.0)[:3]
 
@@ -84,19 +84,19 @@ class Prestress(Checked):
     gravity : sequence of 3 floats
         Acceleration, m/s².
     pressure : dict
-        Group -> Pa. On faces of a solid (edges of a plane one) it acts inward; on cells of a sheet,
-        along their normal toward the top. It follows the rotation of the surface.
+        Group -> Pa. On faces of a solid (edges of a plane part) it acts inward; on cells of a
+        sheet, along their normal toward the top. It follows the rotation of the surface.
     tension : dict
-        Name -> N, for a group of cells of beams or bars: the force after all of them are
-        tightened, before other loads act. Negative: compression.
+        Group of cells of beams or bars -> N: the force after all groups are tightened, before other
+        loads act. Negative: compression.
     force : dict
-        Group -> (x, y, z) N: the resultant of an even distribution; its direction is fixed.
+        Group -> (x, y, z) N: resultant of an evenly distributed force of fixed direction.
 
     Raises
     ------
     InputError
-        Values that are no numbers; with the structure: unknown groups, a part that can move as a
-        rigid body, loads at which it buckles.
+        Values that are not numbers; when a structure is made: unknown groups, a part that can move
+        as a rigid body, loads at which it buckles.
     """
 
     spin: Spin | None = field(

@@ -1,5 +1,5 @@
-"""A meshed structure under its prestress: its static equilibrium by Newton's method, and the load
-factor to buckling.
+"""A meshed structure under prestress: static equilibrium by Newton's method, and load factor to
+buckling.
 
 Loads add an energy Π to uᵀKu/2 of each meshed part. With the pressure p on surfaces
 with normals n and the spin Ω about an axis,
@@ -79,7 +79,7 @@ MOST_RESTARTS = 12
 
 
 class LoadedPart:
-    """Loads on a part in its axes, but gravity and tensions: forces and tangent stiffness."""
+    """Forces and tangent stiffness of loads on a part in its axes, without gravity and tensions."""
 
     def __init__(
         self, part: MeshedStructure, loads: Prestress, initial: Mapping[str, float]
@@ -127,7 +127,7 @@ class LoadedPart:
         return zero_on_fixed(self.part, total)
 
     def stiffness(self, u: Array, *, geometric: bool = False) -> PETSc.Mat:
-        """d²Π/du² at u, rows of fixed dofs empty; `geometric`: what is proportional to loads."""
+        """d²Π/du² at u, empty rows at fixed dofs; `geometric`: only terms proportional to loads."""
         self._move(u)
         part = self.part
         form = self._geometric if geometric else self._tangent
@@ -160,8 +160,8 @@ def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
 
 
 def tendon(part: MeshedStructure, name: str) -> tuple[Array, float, float]:
-    """(forces (rows of this rank,), the sign of a pull on both ends; length [m]; mean EA [N]) of a
-    group of beams or bars by a unit stress-free strain."""
+    """(forces (rows of this rank,) that pull its ends, length [m], mean EA [N]) of a group of beams
+    or bars with a unit stress-free strain."""
     unit_strain = initial_strain(part, {name: 1.0})
     stretch = second_order_strain(part.mesh, part.parts, part.form.degree)
     dx = measure(part.mesh, stretch.degree)
@@ -191,7 +191,7 @@ def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
 
 
 def _loaded_points(part: MeshedStructure, group: str) -> Points:
-    """Points of a group among which a force is distributed evenly; InputError for edges."""
+    """Points of a group over which a force is distributed evenly; InputError for edges."""
     mesh = part.mesh
     dim, entities = largest_entities(mesh, group)
     if dim not in (0, mesh.tdim - 1, mesh.tdim):
@@ -215,7 +215,7 @@ LOAD_DEGREE = 5
 
 
 def measure_on(mesh: Mesh, dim: int, entities: IntArray) -> tuple[Expr, ufl.Measure]:
-    """(factor, UFL measure) of cells or of outer facets of this rank."""
+    """(factor, UFL measure) that together integrate over cells or outer facets of this rank."""
     if dim == mesh.tdim:
         indicator = compat.cellwise_function(mesh.dolfinx)
         indicator.x.array[entities] = 1.0
@@ -259,7 +259,7 @@ def pressure_energy(
 
 
 def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) -> ufl.Form:
-    """Σ ρ a·a/2 over all mass of the cells, a = Ω P (x + u), to second order in the rotations."""
+    """∫ ρ a·a/2 over the cells with a = Ω P (x + u), to second order in the rotations."""
     # constants, as numbers would be compiled anew for each spin
     S = compat.constant(mesh.dolfinx, spin.stiffness)
     origin = compat.constant(mesh.dolfinx, np.array(spin.about))
@@ -276,7 +276,7 @@ def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) ->
 
 
 def _mass_fibres(mesh: Mesh, parts: Parts) -> list[tuple[Expr, Expr, Expr]]:
-    """(direction, ∫ρ z, ∫ρ z²) across the sections or the thickness, with rotations."""
+    """(direction, ∫ρ z, ∫ρ z²) for each direction across the sections or the thickness."""
     material = parts[0][0]
     if material.kind.sheet:
         section = section_fields(mesh, parts)
@@ -333,7 +333,7 @@ def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
 def tendon_strains(
     part: MeshedStructure, tensions: Mapping[str, float], solver: Solver
 ) -> dict[str, float]:
-    """Initial strains by tendon that produce the `tensions` [N] of all tendons together."""
+    """Initial strain of each tendon such that all tendons together have the `tensions` [N]."""
     if not tensions:
         return {}
     pulls, lengths, stiffnesses = zip(*(tendon(part, name) for name in tensions), strict=True)

@@ -1,7 +1,7 @@
 """K and M with their supports applied, the data of their dofs, and the null vectors of K.
 
-Inverse iteration finds the null vectors of a singular K as the motions without strain, and the
-shift that makes K factorable from the lowest elastic ω² beside them.
+Inverse iteration finds the null vectors of a singular K, which are the strain-free motions, and the
+lowest elastic ω², from which the shift that makes K + shift M regular is taken.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def checked_axis(name: str, value: object) -> tuple[float, ...]:
 
 
 def _checked_angle(name: str, value: object) -> float:
-    """`value` as an angle [rad]; InputError beyond one turn, which would be in degrees."""
+    """`value` as an angle [rad]; InputError beyond one turn, as if it were in degrees."""
     angle = number(name, value, "rad")
     if abs(angle) > 2 * np.pi * (1 + 1e-9):
         raise InputError(
@@ -83,7 +83,7 @@ class Placement(Checked):
     axis : sequence of 3 floats
         Direction of the axis of rotation.
     angle : float
-        Angle of the rotation, rad, a turn at most; positive by the right-hand rule.
+        Angle of the rotation, rad, at most one turn; positive by the right-hand rule.
     about : sequence of 2 or 3 floats
         The point c on the axis of rotation, m.
     """
@@ -105,12 +105,12 @@ class Placement(Checked):
         return rounded if np.abs(R - rounded).max() < 1e-15 else R
 
     def placed(self, x: Array) -> Array:
-        """Coordinates (n, 3) in the assembly, of points (n, 3) of the part."""
+        """Coordinates (n, 3) in the assembly's axes of points (n, 3) in the part's axes."""
         centre = np.array(self.about)
         return centre + (x - centre) @ self.rotation.T + self.shift
 
     def own(self, x: Array) -> Array:
-        """Coordinates (n, 3) in the axes of the part, of points (n, 3) of the assembly."""
+        """Coordinates (n, 3) in the part's axes of points (n, 3) in the assembly's axes."""
         centre = np.array(self.about)
         return centre + (x - self.shift - centre) @ self.rotation
 
@@ -181,8 +181,7 @@ class DofPlaces:
         return result
 
     def polynomials(self, comm: MPI.Comm, centre: Array, size: float) -> Array:
-        """Fields (dofs, k) of degree <= 2 in (x − centre)/size; rotations have half the field's
-        curl."""
+        """Fields (dofs, k) of degree <= 2 in (x − centre)/size; half their curl as rotations."""
         s = (self.nodes - centre) / size
         axes = np.flatnonzero(comm.allreduce(self.axes[self.kind == MOVE].any(axis=0)))
         powers: list[tuple[int, ...]] = [(), *((j,) for j in axes)]
@@ -262,7 +261,7 @@ def _square_root(matrix: Array) -> Array:
 
 
 def dashpot_patterns(terms: Sequence[Dissipation]) -> Array | None:
-    """Force patterns Gᵀ (rows of this rank, k) of dashpots and branches; None without."""
+    """Force patterns Gᵀ (rows of this rank, k) of dashpots and branches; None if there are none."""
     loads = [np.asarray(term.G.T.toarray()) for term in terms if term.matrix is None]
     return np.hstack(loads) if loads else None
 
@@ -296,7 +295,7 @@ SHIFT_EXCESS = 0.1
 def modes_and_shift(
     K: Matrix, M: Matrix, null_vectors: Array | None
 ) -> tuple[Array, float, Solver | None]:
-    """(M-orthonormal null vectors of K (rows, r), shift in rad²/s², solver of a regular K)."""
+    """(M-orthonormal null vectors of K (rows, r), shift [rad²/s²], solver if K is regular)."""
     comm = communicator(K)
     n = algebra.rows(K)
     regular = _solver_unless_singular(comm, K) if null_vectors is None else None
@@ -353,7 +352,7 @@ def modes_and_shift(
 
 
 def _solver_unless_singular(comm: MPI.Comm, K: Matrix) -> Solver | None:
-    """A solver of K; None if K is singular, as a failing factor or a large solution shows."""
+    """A solver of K; None if a failing factorization or a large solution shows K singular."""
     n = algebra.rows(K)
 
     try:
@@ -378,8 +377,7 @@ def _solver(A: Matrix) -> Solver:
 
 
 def orthonormal_basis(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = None) -> Array:
-    """M-orthonormal basis (rows, r) of the columns of `block` (rows, k), written to `into` if
-    given."""
+    """M-orthonormal basis (rows, r) of the columns of `block` (rows, k); `into`: array for it."""
     basis = np.empty(block.shape, order="F") if into is None else into
     count = 0
     for column in block.T:
@@ -435,7 +433,7 @@ MOST_SHIFT_STEPS = 6
 
 
 class Plausibility(TypedDict, total=False):
-    """Sentences of doubt, largest wave speed in bars [m/s], least thickness [m] of a part."""
+    """Doubts as sentences, largest bar wave speed [m/s] and least thickness [m] of a part."""
 
     doubts: list[str]
     wave_speed: float
@@ -479,17 +477,17 @@ class StructureMatrices:
 
     @property
     def plausibility(self) -> Plausibility:
-        """Data that models keep, to judge whether an impact is plausible."""
+        """Data that models keep, for checks whether an impact is plausible."""
         return {}
 
     @property
     def located(self) -> bool:
-        """Whether these are given matrices with coordinates of their nodes."""
+        """Whether these are given matrices whose nodes have coordinates."""
         return False
 
     @property
     def rigid_motions(self) -> Array:
-        """Rigid-body motions (rows, r) of the unsupported body, where they are known."""
+        """Rigid-body motions (rows, r) of the unsupported body; r = 0 if they are not known."""
         return np.zeros((algebra.rows(self.K), 0))
 
     def prolongation(self) -> Matrix | None:
@@ -497,7 +495,7 @@ class StructureMatrices:
         return None
 
     def factored(self, columns: float = 1.0) -> tuple[Solver, float]:
-        """(solver of K + sM, s); s is brought near the first elastic ω²."""
+        """(solver of K + sM, s), with s made close to the first elastic ω²."""
         shift = self.first_shift
         if self.solver_of_K is not None:
             factor, self.solver_of_K = self.solver_of_K, None  # held by one alone
@@ -527,11 +525,11 @@ class StructureMatrices:
 
     @property
     def dimensions(self) -> Box:
-        """Length, width and thickness of the part, m, by its box, sheets and sections."""
+        """Length, width and thickness of the part, m, from its box, sheets and sections."""
         raise InputError("matrices have no dimensions: give length, width and thickness.")
 
     def constants(self) -> tuple[float, float, float]:
-        """(E [Pa], nu, rho [kg/m³]) of the first material; InputError for one with directions."""
+        """(E [Pa], nu, rho [kg/m³]) of the first material; InputError if it is anisotropic."""
         raise InputError("matrices have no material: give E, nu and rho.")
 
     def uniform_inertia(self, direction: Array) -> Array | None:
@@ -541,7 +539,7 @@ class StructureMatrices:
 
     @property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
-        """The inertia of a free body, and M r of its rigid motions r (rows, 6); or None."""
+        """(inertia, M r (rows, 6) for rigid motions r) of a free body; None for other bodies."""
         return None
 
     def dissipation(self) -> list[Dissipation]:
@@ -579,7 +577,7 @@ class NodalMatrices(StructureMatrices):
         return self.map.located
 
     def nodes(self) -> tuple[Array, IntArray]:
-        """Coordinates (P, 3) of the located nodes, and rows (P, 3) of their x, y, z, or -1."""
+        """(coordinates (P, 3), rows (P, 3) of x, y, z, -1 if missing) of nodes with coordinates."""
         valid = np.isfinite(self.map.points).all(axis=1)
         _, first, index = np.unique(self.map.node[valid], return_index=True, return_inverse=True)
         located = np.flatnonzero(valid)
@@ -604,7 +602,7 @@ class NodalMatrices(StructureMatrices):
 
     @cached_property
     def _motions(self) -> tuple[Array, Array] | None:
-        """(reference point (3,), rigid motions (rows, 6)); None if they do not annul K."""
+        """(reference point (3,), rigid motions r (rows, 6)); None unless K r = 0."""
         component = self.map.component
         points = self.map.points
         is_motion = (component >= 1) & (component <= 6)

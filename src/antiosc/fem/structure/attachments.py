@@ -1,8 +1,10 @@
 """Attachments of a structure: masses, springs, dampers; beams along edges.
 
-Those at points add no dofs: they are sums of m b bᵀ, bᵀu being a displacement component of a point.
+Attachments at points add no dofs, only terms such as m b bᵀ, where bᵀu is a displacement component
+of the point.
 
-A beam has a mesh of its edges; its dofs T u are some of the shell's dofs u: K + Tᵀ K_beam T.
+Beams on edges of a shell have a mesh of these edges; their dofs T u are some of the shell's dofs u,
+so that K becomes K + Tᵀ K_beam T.
 """
 
 from __future__ import annotations
@@ -66,7 +68,7 @@ def _checked_inertia(name: str, value: object) -> float | tuple[float, ...]:
 def by_components(
     name: str, values: object, kind: str, allowed: Sequence[str] = COMPONENTS
 ) -> dict[str, float]:
-    """Checked values > 0 by component: the stiffness or damping of a `kind`."""
+    """Checked values > 0 by component; `kind`: class of the attachment, for messages."""
     if not isinstance(values, Mapping):
         raise InputError(f"the {name} of a {kind} is a dict, as {{'z': 1e6}}; got {shown(values)}.")
 
@@ -96,8 +98,8 @@ class PointMass(Checked):
     Parameters
     ----------
     where : str or sequence of floats
-        A group of points of the mesh (each of them carries one such mass), or coordinates in m
-        of any point of the structure.
+        A group of points of the mesh (each point gets this mass), or coordinates in m of any point
+        of the structure.
     mass : float
         kg.
     inertia : float or sequence of 3 floats
@@ -123,9 +125,9 @@ class Spring(Checked):
     where : str or sequence of floats
         As for `PointMass`.
     stiffness : dict
-        Component -> stiffness: of "x", "y", "z" (N/m), "rx", "ry", "rz" (N m/rad).
+        Component -> stiffness; components are "x", "y", "z" (N/m), "rx", "ry", "rz" (N m/rad).
     name : str, optional
-        Its name; default: "spring 1" and on.
+        Name of the spring; default: "spring 1", "spring 2", ….
     """
 
     where: str | Sequence[float] = field(metadata=checked_by(_checked_where))
@@ -137,21 +139,21 @@ class Spring(Checked):
 class Damper(Checked):
     """A damper from a point of the structure to the ground, or to another point of it.
 
-    Models have it exactly, however strong it is: their damping is a `DampingMatrix`.
+    Models contain it exactly, however strong it is, in a `DampingMatrix`.
 
     Parameters
     ----------
     where : str or sequence of floats
         As for `PointMass`.
     damping : dict
-        Component -> damping: of "x", "y", "z" (N s/m), "rx", "ry", "rz" (N m s/rad).
+        Component -> damping; components are "x", "y", "z" (N s/m), "rx", "ry", "rz" (N m s/rad).
     to : sequence of floats, optional
         The other end, m; None: the ground.
     tau : float, optional
-        The damper is in series with a spring of stiffness damping/tau (N/m), so that it relaxes in
-        this time, s (Maxwell).
+        Relaxation time, s: the damper is in series with a spring of stiffness damping/tau
+        (Maxwell element).
     name : str, optional
-        Its name; default: "damper 1" and on.
+        Name of the damper; default: "damper 1", "damper 2", ….
     """
 
     where: str | Sequence[float] = field(metadata=checked_by(_checked_where))
@@ -181,7 +183,7 @@ def attachments_of(attached: object) -> list[Attachment]:
 
 @dataclass(frozen=True, eq=False)
 class ElasticTerm:
-    """Stiffness k, damping c and mass m of functionals G: Gᵀ k G is added to K, and so on."""
+    """Stiffness k, damping c and mass m on functionals G: Gᵀ k G is a term of K, Gᵀ m G of M."""
 
     G: Sparse  # (j, n) functionals of u
     #: k, m: (j, j) stiffness and mass of these
@@ -198,7 +200,7 @@ class ElasticTerm:
 
     @property
     def strains(self) -> Array:
-        """Orthonormal combinations (r, functionals) of G u that are 0 in motions without strain."""
+        """Orthonormal combinations (r, functionals) of G u that vanish in strain-free motions."""
         if self.rigid is not None:
             basis, _ = np.linalg.qr(self.rigid, mode="complete")
             return np.asarray(basis[:, self.rigid.shape[1] :].T)
@@ -211,7 +213,7 @@ class ElasticTerm:
         return strains
 
     def dampers(self, G: Sparse) -> list[Dissipation]:
-        """Dashpots and Maxwell branches of this term, with `G` in place of its functionals."""
+        """Dashpots and Maxwell branches of this term, acting on the functionals `G`."""
         constants = [] if self.c is None else [(self.c, None)]
         return [Dissipation(G, c, tau) for c, tau in [*constants, *self.branches]]
 
@@ -221,7 +223,7 @@ def terms_of(
     plane: bool,
     places: Callable[[str | Sequence[float]], Sequence[PointMotion]],
 ) -> list[ElasticTerm]:
-    """The terms of an attachment, by `places` of its points; `plane`: x, y and rz alone."""
+    """The terms of an attachment. `places(where)`: motions of points; `plane`: only x, y, rz."""
     if isinstance(attached, PointMass):
         inertia = np.broadcast_to(attached.inertia, (3,)).tolist()
         values = dict(zip(COMPONENTS, [*[attached.mass] * 3, *inertia], strict=True))
@@ -325,7 +327,7 @@ SAME_DOF_DISTANCE = 1e-7
 
 @dataclass(frozen=True)
 class Stiffener:
-    """Beams on edges of a sheet, as a part with dofs besides those of the sheet."""
+    """Beams on edges of a sheet, as a part with its own dofs and their relation to the sheet's."""
 
     mesh: Mesh
     form: WeakForm
@@ -340,7 +342,7 @@ class Stiffener:
     inertia: Array
 
     def rows_of(self, columns: Array) -> Array:
-        """Motions (rows of the beams, k) of the beams for `columns` (rows of the sheet, k)."""
+        """Motions (rows of the beams, k) of the beams when the sheet has the motions `columns`."""
         return multiply(self.sheet_to_beams, columns)
 
 

@@ -1,7 +1,6 @@
-"""Loads at points: Σ w φ(X)·d of points X with directions d.
+"""Loads at points: Σ w φ(X)·d over points X with weights w and directions d.
 
-A load b is a column of forces on the dofs, and bᵀu the displacement where it acts: a row of the
-motion of that place.
+A load b is a column of forces on the dofs; bᵀu is the displacement at the point where it acts.
 """
 
 from __future__ import annotations
@@ -53,8 +52,8 @@ class Points:
 
 
 def loads(comm: MPI.Comm, form: WeakForm, points: Points, directions: Array) -> Sparse:
-    """Load vectors of P sites as columns (rows of this rank, P), fixed dofs included, by
-    `directions` (P, 3) of unit forces, or (P, 6) with moments."""
+    """Load vectors of P sites as columns (rows of this rank, P), fixed dofs included;
+    `directions`: unit forces (P, 3), or forces and moments (P, 6)."""
     rows = [np.zeros(0, dtype=np.int32)]
     sites = [np.zeros(0, dtype=int)]
     values = [np.zeros(0)]
@@ -119,7 +118,7 @@ class PointMotion:
         return self.functionals[3:]
 
     def placed(self, at: Placement) -> PointMotion:
-        """This motion in the axes of an assembly, in which the part is placed."""
+        """This motion in the axes of an assembly in which the part is placed by `at`."""
         R = scipy.linalg.block_diag(at.rotation, at.rotation)
         point = at.placed(self.point[None])[0]
         return PointMotion((Sparse(R) @ self.functionals).tocsr(), R @ self.space @ R.T, point)
@@ -154,7 +153,7 @@ class PointMotion:
 
 
 def component_projection(form: WeakForm) -> Array:
-    """Projection (6, 6) on the displacements and rotations that nodes of this form have."""
+    """Projection (6, 6) onto the displacements and rotations of this form's nodes."""
     return np.diag([float(name in form.components) for name in COMPONENTS])
 
 

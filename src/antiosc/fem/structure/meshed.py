@@ -1,4 +1,4 @@
-"""`MeshedStructure`: K, M, mesh and weak form of a part, and how they are assembled."""
+"""`MeshedStructure`: K, M, mesh and weak form of a part, and their assembly."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class Member:
 
     @property
     def rows(self) -> slice:
-        """Slice of its dofs in u."""
+        """Slice of the part's dofs in u."""
         return slice(self.first, self.first + self.size)
 
     @property
@@ -162,12 +162,12 @@ class Member:
 
 @dataclass(eq=False)
 class PartsMatrices(StructureMatrices):
-    """K = Tᵀ K_b T and M of parts with meshes, whose motions are u = T q."""
+    """K = Tᵀ K_b T and M = Tᵀ M_b T of parts with meshes whose motions are u = T q."""
 
     meshed: ClassVar[bool] = True
 
     def members(self, name: str | None = None) -> list[Member]:
-        """All parts, or the one of this name; InputError if there is none."""
+        """All parts, or only the part `name`; InputError if there is none."""
         raise NotImplementedError
 
     @property
@@ -180,7 +180,7 @@ class PartsMatrices(StructureMatrices):
         return q
 
     def joined(self, loads: T, rows: slice = slice(None)) -> T:
-        """Tᵀ `loads`: loads on the `rows` of u as loads on q, 0 on fixed dofs."""
+        """Tᵀ `loads`: the loads on q (0 on fixed dofs) that equal `loads` on the `rows` of u."""
         free = np.ones(algebra.rows(self.K))
         free[self.fixed[self.fixed < len(free)]] = 0.0
         return cast(T, scipy.sparse.diags(free) @ loads)
@@ -346,7 +346,7 @@ class MeshedStructure(PartsMatrices):
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
 
     def inertial_loads(self, motions: Array) -> Array:
-        """M times motions (rows of this rank, k), with the entries of fixed dofs."""
+        """M times `motions` (rows of this rank, k), with the mass at fixed dofs included."""
         loads = multiply(self.M, motions)
         owned_fixed = self.fixed[self.fixed < len(motions)]
         if self.comm.allreduce(len(owned_fixed)):
@@ -361,7 +361,7 @@ class MeshedStructure(PartsMatrices):
         return loads
 
     def surface_below(self, points: Array, directions: Array, radii: Array) -> SurfaceAtSites:
-        """The surface at sites (P, 3) by `directions` (P, 3), patch radii (P,) [m] or NaN."""
+        """Surface at points (P, 3) for impacts along `directions`; `radii`: patches [m] or NaN."""
         reach = np.where(np.isfinite(radii), radii, SURFACE_TOLERANCE * self.mesh.extent())
         return self.faces.contact(points, directions, reach, np.zeros(len(self.faces), dtype=int))
 
@@ -402,11 +402,11 @@ class MeshedStructure(PartsMatrices):
 
     @cached_property
     def losses(self) -> list[tuple[int | str, Material, PETSc.Mat]]:
-        """`stiffnesses` of the materials with a loss factor."""
+        """`stiffnesses` of materials with a loss factor."""
         return self.stiffnesses("loss")
 
     def stiffnesses(self, name: str) -> list[tuple[int | str, Material, PETSc.Mat]]:
-        """[(owner, material, K of its cells)] of the materials whose property `name` is set."""
+        """[(owner, material, K of its cells)] for materials whose property `name` is set."""
         result: list[tuple[int | str, Material, PETSc.Mat]] = []
         for number, (material, cells) in enumerate(self.parts):
             if getattr(material, name, None):
@@ -485,7 +485,7 @@ def cells_and_stiffeners(
 
 
 def parts_of(mesh: Mesh, material: object) -> Parts:
-    """[(material, cells of this rank)], in which every cell appears once, else InputError."""
+    """[(material, cells of this rank)]; InputError unless every cell has one material."""
     imap = compat.cell_index_map(mesh.dolfinx)
     n_cells = imap.size_local + imap.num_ghosts
     if not isinstance(material, Mapping):
@@ -520,7 +520,7 @@ def parts_of(mesh: Mesh, material: object) -> Parts:
 
 
 def _family(material: object) -> Family:
-    """`material`, or InputError for anything else."""
+    """Returns `material`; InputError if it is not a material."""
     if isinstance(material, type) or not isinstance(material, Family):
         raise InputError(
             "material must be a Solid, Shell, Laminate, Beam or Truss, or a dict of them; got "
@@ -658,7 +658,7 @@ def assembled_part(
 def _stretched(
     mesh: Mesh, form: WeakForm, fixed: IntArray, materials: Sequence[Material]
 ) -> tuple[float | None, bool]:
-    """(thickness [m] of a sheet or thin solid, or None; whether its supports lie on a line)."""
+    """(thickness [m] of a sheet or thin solid, else None; whether its supports lie on a line)."""
     sheet = materials[0].kind.sheet
     if sheet:
         thickness = float(min(material.section.thickness for material in materials))

@@ -1,4 +1,4 @@
-"""`Place`: a point of a part with a mesh, found once."""
+"""`Place`: a located point on a part with a mesh."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ class Place:
 def places_at(
     parts: Iterable[Member], points: Array, directions: Array | None = None
 ) -> list[Place]:
-    """The nearest place of any part to points (P, 3) [m]; if parts touch, that of the part
-    struck."""
+    """The nearest place of any part to each of points (P, 3) [m]; where parts touch, the place on
+    the struck part."""
     members = list(parts)
     nearest = [member.closest(points) for member in members]
     distance = np.array([found.distance for found in nearest])

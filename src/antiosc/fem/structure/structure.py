@@ -1,11 +1,11 @@
-"""`Structure`: K and M with supports, and the one factor of them that every site and mode uses.
+"""`Structure`: K and M with supports, and the one factorization that every site and mode uses.
 
-Its `matrices` are those of a mesh (`antiosc.fem.structure.meshed`), which know their geometry, or
-given ones. Extraction uses only their common attributes.
+Its `matrices` come from a mesh (`antiosc.fem.structure.meshed`) and have a geometry, or are given.
+Extraction uses only their common attributes.
 
-The scale of an entry K_ij of another code is √(K_ii K_jj), which it cannot exceed in a positive
-semidefinite matrix. A norm of the whole matrix is no scale: if supports are penalties, such as
-FreeFEM's 1e30 on the diagonal, all other entries are below its rounding.
+An entry K_ij of another code is compared with √(K_ii K_jj), which it cannot exceed in a positive
+semidefinite matrix. A norm of the whole matrix is no suitable scale: if supports are penalties,
+such as FreeFEM's 1e30 on the diagonal, all other entries are below its rounding.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def checked_matrix(name: str, matrix: Matrix, backend: Backend) -> Matrix:
 
 
 def _csr_of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
-    """A sorted copy of a SciPy or dense matrix of real numbers; InputError for anything else."""
+    """A sorted copy of a SciPy or dense matrix of real numbers; InputError for other objects."""
     sparse = scipy.sparse.issparse(matrix)
 
     try:
@@ -140,7 +140,7 @@ def matrices_of_pair(
     rigid_modes: ArrayLike | None,
     C: Matrix | None = None,
 ) -> tuple[StructureMatrices, Solver | None]:
-    """Checked matrices with their supports and null vectors, and the solver of a regular K."""
+    """(checked matrices with supports and null vectors of K, solver of K or None if singular)."""
     K, M, fixed = with_supports(K, M)
 
     if supports is not None:
@@ -162,7 +162,7 @@ def matrices_of_pair(
 
 
 def _checked_damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
-    """C without the rows of fixed dofs; InputError if it is not a damping matrix."""
+    """C with zero rows at fixed dofs; InputError if it is not a damping matrix."""
     if algebra.size(C) != algebra.size(K) or algebra.row_range(C) != algebra.row_range(K):
         raise InputError(
             f"C must have the size of K; got {algebra.size(C)} rows for {algebra.size(K)}."
@@ -174,7 +174,7 @@ def _checked_damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
 
 
 def with_supports(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
-    """(K, M, dofs of this rank fixed by penalties on K's diagonal, which supports replace)."""
+    """(K, M, fixed dofs of this rank): penalties on K's diagonal are replaced by supports."""
     comm = communicator(K)
     same_rows = algebra.size(K) == algebra.size(M) and same_ranks(comm, communicator(M))
     if not same_rows or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
@@ -200,7 +200,7 @@ def with_supports(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
 
 
 def _checked_diagonal(name: str, matrix: Matrix) -> Array:
-    """The whole diagonal (n,), on every rank; InputError unless the matrix is symmetric, not 0."""
+    """The whole diagonal (n,) on every rank; InputError if the matrix is unsymmetric or zero."""
     comm = communicator(matrix)
     diagonal = np.concatenate(comm.allgather(algebra.diagonal(matrix)))
     if not diagonal.any():
@@ -233,7 +233,7 @@ def _entries(matrix: Matrix) -> Entries:
 
 
 def _refuse_entries(comm: MPI.Comm, bad: BoolArray, entries: Entries, text: str) -> None:
-    """Raise InputError on all ranks if an entry is `bad`, with row, column, size in `text`."""
+    """Raise InputError on all ranks if an entry is `bad`; `text` takes its row, column, size."""
     error = None
     if bad.any():
         row, column, value = (part[bad][0] for part in entries)
@@ -290,8 +290,8 @@ class Structure(ReprMixin):
     attached : sequence of PointMass, Spring and Damper
         Masses, springs and dampers at points of the structure.
     solver : "auto", "direct" or "iterative"
-        Solver for K: a Cholesky factor, or conjugate gradients with multigrid. "auto" is the
-        faster one of those that fit in memory, by a forecast (`antiosc.fem.linalg.solver`).
+        Solver for K: a Cholesky factor, or conjugate gradients with multigrid. "auto" chooses, by
+        a forecast, the faster one that fits in memory (`antiosc.fem.linalg.solver`).
     prestress : Prestress, optional
         Permanent loads: spin, gravity, pressure, tensions, forces. K is the
         tangent stiffness of their static equilibrium.
@@ -301,9 +301,9 @@ class Structure(ReprMixin):
     prestress : PrestressedState or None
         Reserve to buckling, displacement and stress under the prestress.
     K, M : PETSc.Mat or scipy.sparse.csr_matrix
-        Stiffness (N/m) and mass (kg). Fixed dofs keep their rows: 1 on K's diagonal, 0 in M. Those
-        of 20 000 or more dofs of quadratic isotropic tetrahedra are of PETSc's type python:
-        products are taken from the cells, entries are made by `petsc_algebra.with_entries`.
+        Stiffness (N/m) and mass (kg). Fixed dofs keep their rows: 1 on K's diagonal, 0 in M. From
+        20 000 dofs of quadratic isotropic tetrahedra on, K and M are of PETSc's type python:
+        products are computed from the cells; `petsc_algebra.with_entries` makes entries.
     dofs : int
         Dofs that are not fixed, on all ranks.
     fixed : ndarray of int
@@ -312,7 +312,7 @@ class Structure(ReprMixin):
     mass : float
         Total mass, kg.
     dimensions : (float, float, float)
-        Length, width and thickness of the part, m, as `antiosc.strikes.advice` wants them.
+        Length, width and thickness of the part, m, as `antiosc.strikes.advice` requires them.
     rigid_modes : ndarray (rows of this rank, r)
         M-orthonormal rigid-body modes that the supports permit.
     shift : float
@@ -320,13 +320,13 @@ class Structure(ReprMixin):
     matrices : StructureMatrices
         K and M with the data of their dofs.
     seconds : dict
-        Times [s] of assembly and of factorization (its forecast of memory included).
+        Times [s] of assembly and of factorization (including its memory forecast).
 
     Raises
     ------
     InputError
-        Unknown group, support that selects nothing, cells without a material, family and mesh
-        that do not fit.
+        Unknown group, support that selects nothing, cells without a material, element family that
+        does not fit the mesh.
     """
 
     matrices: StructureMatrices
@@ -391,23 +391,23 @@ class Structure(ReprMixin):
         Parameters
         ----------
         K, M : SciPy sparse, dense or PETSc matrix (n, n)
-            Symmetric; K positive semidefinite, M too. SI units. Penalties on K's diagonal, 1e14
-            times the rest of their rows or more, become supports.
+            Symmetric and positive semidefinite, in SI units. Penalties on K's diagonal, at least
+            1e14 times the rest of their rows, become supports.
         C : matrix (n, n), optional
-            Damping [N s/m], symmetric and positive semidefinite, however strong: models take it
-            as a `DampingMatrix`.
+            Damping [N s/m], symmetric and positive semidefinite, of any strength: models contain
+            it as a `DampingMatrix`.
         rigid_modes : array_like (n, r), optional
-            A basis of K's null space; computed by default where K is singular.
+            A basis of K's null space; computed by default if K is singular.
         map : array_like or path, optional
-            For each row of the matrices node, dof (1 to 6), or node, dof, x, y, z in m; or a tuple
-            of columns, (nodes, dofs) or (nodes, dofs, points), with dofs "x" … "rz" too. With it
-            sites are nodes, and with coordinates points and patches; `probe` and `write_series`
-            give the motion of the nodes.
+            For each row of the matrices: node, dof (1 to 6), or node, dof, x, y, z in m; or a tuple
+            of columns, (nodes, dofs) or (nodes, dofs, points), in which dofs may be "x" … "rz".
+            Sites may then be nodes; with coordinates, `probe` and `write_series` give the motion
+            of the nodes.
         supports : {node: "all" or names of dofs}, optional
             Additional fixed dofs: {12: "all", 7: ["x", "z"]}; needs a map.
         backend : "auto", "petsc" or "scipy"
-            Library of the linear algebra. "auto" is PETSc where the finite-element packages are
-            installed; "scipy" needs NumPy and SciPy alone, on one rank.
+            Library of the linear algebra. "auto" is PETSc if the finite-element packages are
+            installed; "scipy" needs only NumPy and SciPy, and runs on one rank.
         """
         start_time = clock()
         choice("backend", backend, BACKENDS)
@@ -437,14 +437,14 @@ class Structure(ReprMixin):
         K, M : paths
             Matrix Market, Abaqus `*MATRIX GENERATE` (matrix input, labels or coordinate),
             Harwell–Boeing (Ansys HBMAT), Nastran OP4 (text or binary) or DMIG, Sierra/SD's text for
-            MATLAB; recognised by their content. Both may be one file. SI units. Lists of files, and
-            of maps, are of several bodies, which share the dofs of nodes of the same number.
+            MATLAB; recognised by their content. Both may be one file. SI units. Lists of files (and
+            of maps) give several bodies, which share the dofs of nodes with the same number.
         map : array_like or path, optional
-            As in `from_matrices`; a file may also have rows of row, node, dof, and name the dofs
-            (UX), as Ansys's mapping files. Abaqus and DMIG files name nodes and dofs themselves:
-            then rows of node, x, y, z add coordinates. Of Sierra/SD two files, (gid, ASetMap).
+            As in `from_matrices`. A file may also have rows of row, node, dof, with names of dofs
+            (UX), as Ansys's mapping files. Abaqus and DMIG files name nodes and dofs themselves;
+            rows of node, x, y, z then add coordinates. For Sierra/SD: two files, (gid, ASetMap).
         names : (str, str), optional
-            Names of K and M in OP4 and DMIG files that hold several matrices; by default the ones
+            Names of K and M in OP4 and DMIG files that hold several matrices; default: the names
             that begin with K and M.
         supports, backend
             As in `from_matrices`.
@@ -452,7 +452,7 @@ class Structure(ReprMixin):
         Raises
         ------
         InputError
-            A file that cannot be read, with its line or byte; matrices that do not fit together.
+            An unreadable file (the message gives line or byte); matrices that do not fit together.
         """
         start_time = clock()
         choice("backend", backend, BACKENDS)
@@ -495,7 +495,7 @@ class Structure(ReprMixin):
         return self
 
     def _set_matrices(self, matrices: StructureMatrices, start_time: float) -> None:
-        """Set the attributes from matrices; `start_time` [s]: when their assembly began."""
+        """Set the attributes from matrices; `start_time` [s]: time at which assembly began."""
         self.matrices = matrices
         self.K = matrices.K
         self.M = matrices.M
@@ -525,7 +525,7 @@ class Structure(ReprMixin):
         """The one solver of K + shift·M that every site and every mode of this structure uses.
 
         The first call makes it, and later calls return it. `columns` is the number of right-hand
-        sides of one call; inf requires a direct factor. If a call asks for more columns than the
+        sides of one solve; inf requires a direct factor. If a call requests more columns than the
         solver was chosen for, a solver is chosen anew.
         """
         columns = columns if checks.is_rigid(columns) else checks.positive("columns", columns)
@@ -595,7 +595,7 @@ class Structure(ReprMixin):
         return sorted({*super().__dir__(), *dir(self.matrices)})
 
     def __getattr__(self, name: str) -> Any:
-        """Other attributes of the matrices: those of a mesh have `parts` and `layout`, too."""
+        """Other attributes of `matrices`, such as `parts` of a mesh or `layout` of an assembly."""
         if name == "matrices" or name.startswith("__"):
             raise AttributeError(name)
         try:
@@ -608,7 +608,7 @@ NO_MESH = "matrices have no mesh: build the Structure from a mesh for this."
 
 
 def structure_with(matrices: StructureMatrices, start_time: float) -> Structure:
-    """A `Structure` with these matrices; `start_time` [s]: when their assembly began."""
+    """A `Structure` with these matrices; `start_time` [s]: time at which assembly began."""
     self = object.__new__(Structure)
     self._set_matrices(matrices, start_time)
     return self
@@ -622,7 +622,7 @@ def with_parts(structure: Structure, otherwise: str = NO_MESH) -> PartsMatrices:
 
 
 def on_mesh(structure: Structure, otherwise: str = NO_MESH) -> MeshedStructure:
-    """The matrices of `structure` with their mesh; without one InputError says `otherwise`."""
+    """The matrices of `structure` and their mesh; InputError with `otherwise` if it has none."""
     if structure.matrices.assembled:
         raise InputError("this takes a structure of one mesh; an assembly has one for each part.")
     return cast("MeshedStructure", with_parts(structure, otherwise))
@@ -635,7 +635,7 @@ def refuse_prestress(structure: Structure, what: str) -> None:
 
 
 def refuse_dampers(structure: Structure, what: str) -> None:
-    """Raise InputError for a structure with dampers; `what` names what refuses it."""
+    """Raise InputError for a structure with dampers; `what` names the refusing function."""
     if structure.matrices.dissipation() or structure.matrices.lossy:
         raise InputError(
             f"{what} takes no dampers, loss or prony: leave them out; extract without damping does."

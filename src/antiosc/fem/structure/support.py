@@ -1,9 +1,9 @@
-"""`Support`: displacement components that are fixed; rigid-body motions that remain.
+"""`Support`: fixed displacement components; remaining rigid-body motions.
 
 On a mesh the rigid-body motions and the shift of a free body come from polynomial displacement
-fields (with half their curl as the rotations of beams and shells): the rigid motions among them
-that vanish on the fixed dofs are exact null vectors of K, and the lowest Rayleigh–Ritz value of the
-quadratic ones is of the order of the first elastic ω², from which the shift is taken.
+fields; beams and shells have half their curl as rotations. The rigid motions among the fields that
+vanish on the fixed dofs are exact null vectors of K. The lowest Rayleigh–Ritz value of the
+quadratic fields estimates the first elastic ω², from which the shift is taken.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ class Support(FieldsRepr):
     ----------
     where
         Name of a group of the mesh or of a side of its bounding box ("-x", "+x", "-y", …), or a
-        function that maps coordinates x of shape (3, n) to a mask (n,) of the fixed points. On the
-        curved outline of straight cells the points between corners lie inside of the curve: give
-        the function a tolerance, or name a group; otherwise these points stay free. Give either
-        `where` or one of `near`, `box` and `plane`, which select nodes by their coordinates, with a
+        function that maps coordinates x of shape (3, n) to a mask (n,) of the fixed points. If
+        straight cells approximate a curved outline, points between their corners are off the curve
+        and stay free, unless the function has a tolerance or a group is named. Give either `where`
+        or one of `near`, `box` and `plane`, which select nodes by their coordinates, with a
         tolerance of a millionth of the mesh's size.
     fix
         "all", or the fixed components: of "x", "y", "z" (displacements) and, for beams,
@@ -69,8 +69,8 @@ class Support(FieldsRepr):
     Raises
     ------
     InputError
-        None or several of `where`, `near`, `box`, `plane`; with a mesh: a support that selects no
-        node.
+        None or several of `where`, `near`, `box`, `plane`; when a structure is made: a support that
+        selects no node.
     """
 
     where: Where = None  # type: ignore[assignment]  # where near, box or plane says it
@@ -147,7 +147,7 @@ class Support(FieldsRepr):
 def fixed_dofs(
     mesh: Mesh, form: WeakForm, supports: Sequence[Support]
 ) -> dict[tuple[int, ...], IntArray]:
-    """Path of a component in the function space -> its fixed dofs of this rank and ghosts."""
+    """Fixed dofs of this rank, ghosts included, by path of the component in the space."""
     fixed: dict[tuple[int, ...], IntArray] = {}
     for support in supports:
         count = 0
@@ -182,7 +182,7 @@ def _dofs_of_support(
 def dofs_of_entities(
     mesh: Mesh, form: WeakForm, parts: Mapping[int, IntArray], path: tuple[int, ...]
 ) -> IntArray:
-    """Dofs of one component on entities, given by dimension; of this rank, ghosts included."""
+    """This rank's dofs, ghosts included, of one component on `parts`, entities by dimension."""
     component = compat.subspace(form.space, path)
     dofs = [NO_DOFS]
     for dim in sorted(parts):
@@ -332,7 +332,7 @@ def modes_and_shift(
 
 
 def rigid_motions(form: WeakForm, K: PETSc.Mat) -> Array:
-    """Rigid-body motions (rows of this rank, r) of the unsupported body, scaled to like size."""
+    """Rigid-body motions (rows of this rank, r) of the unsupported body, of similar size."""
     low, high = bounds(K.getComm().tompi4py(), form.space.tabulate_dof_coordinates())
     rigid = places_of(form).rigid_motions((low + high) / 2)
     rigid[:, 3:] /= float((high - low).max())
@@ -352,7 +352,7 @@ def places_of(form: WeakForm) -> DofPlaces:
 def _vanishing_combinations(
     comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array
 ) -> Array:
-    """Combinations of `fields` (rows, k) that are 0 at `fixed` dofs and do not strain springs."""
+    """Combinations of `fields` (rows, k) that vanish at `fixed` dofs and do not strain springs."""
     scale = norms(comm, fields)
     if not scale.all():
         fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x
@@ -374,8 +374,7 @@ def _vanishing_combinations(
 def first_elastic_estimate(
     comm: MPI.Comm, K: PETSc.Mat, M: PETSc.Mat, fields: Array, motions: Array
 ) -> float:
-    """Rayleigh–Ritz estimate of the lowest elastic ω² from `fields` (rows, k), which it
-    overwrites."""
+    """Rayleigh–Ritz estimate of the lowest elastic ω² from `fields` (rows, k), overwriting them."""
     shares = dot(comm, multiply(M, motions), fields)
     count = 0
     for column, share in zip(fields.T, shares.T, strict=True):

@@ -43,22 +43,22 @@ MAX_LISTED_CONTACTS = 10_000
 class History(RunHistory, SavableResults):
     """History of a simulation; times in s, forces in N, displacements in m.
 
-    `hit[a, b]` is a contact, `hit.bodies[name]` a body; those of `simulate` are "structure" and
-    "impactor". Where there is one contact, its force, numbers and motions are also attributes of
+    `hit[a, b]` is a contact, `hit.bodies[name]` a body; bodies of `simulate` are "structure" and
+    "impactor". If there is one contact, its force, numbers and motions are also attributes of
     the history. Results are computed at their first use.
 
     Attributes
     ----------
-    error : estimated relative errors reached, the largest of a contact: "force" (L2 norm and
-        impulse) and "peak"; empty when the step was given. With n="auto" also "truncation
-        peak_force", "... impulse", "... contact_time".
+    error : estimated relative errors, the largest of all contacts: "force" (L2 norm and impulse)
+        and "peak"; empty if the step was given. With n="auto" also "truncation peak_force",
+        "... impulse", "... contact_time".
     status : 0: completed; 1: completed, tol not met; 2: stopped before the end; 3: completed, but
-        a contact that touched during the run goes on at its end: its contact time, impulse and
-        peak force count up to there.
+        a contact is still closed at the end of the run: its contact time, impulse and peak force
+        count up to there.
     message : explanation of the status, and changes made to contact laws.
     given : the step [s] that was given, or None.
     structure : structure with the last mesh of `strike`, for `probe` and fields; not pickled.
-    source : the scene or impact with its options, by which `again` repeats it.
+    source : the scene or impact with its options, for `again`.
     budget : the `error_budget` of `strike`.
     enclosures : proved bounds on the force of each contact, with proof=True.
     stresses : the stress fields of `strike(…, stress_tol=…)`, quantity -> `PeakField`; else None.
@@ -72,10 +72,10 @@ class History(RunHistory, SavableResults):
     def error_budget(self) -> ErrorBudget:
         """Error bars of peak force, impulse and contact time: mesh, truncation, time, patch, total.
 
-        Relative errors, as `hit.error_budget["peak_force"].total`; printed, they are a table. At
-        the first use the impact is simulated up to eight times more; the result is kept. Of a model
-        that was extracted without `error="estimate"`, or of a part that this refuses, it has all
-        other causes, and "mesh" is among its `unknown`. InputError for a scene.
+        They are relative errors, such as `hit.error_budget["peak_force"].total`; printed, they are
+        a table. The first use simulates the impact up to eight more times; the result is kept. For
+        a model extracted without `error="estimate"`, or a part that this refuses, it has all other
+        causes, and "mesh" is in `unknown`. InputError for a scene.
         """
         if self.budget is not None:
             return self.budget
@@ -96,10 +96,10 @@ class History(RunHistory, SavableResults):
         duration: float | None = None,
         step: float | None = None,
     ) -> History:
-        """The same run with other numbers, as `simulate` or `Scene.run` makes it.
+        """The same run with other numbers, by `simulate` or `Scene.run`.
 
-        `velocity` [m/s] is that of the impactor, or of the structure before an obstacle. For a
-        scene `model` and `velocity` are dicts by the names of bodies, `law` by the two ends.
+        `velocity` [m/s] is that of the impactor, or of a structure that moves toward an obstacle.
+        For a scene, `model` and `velocity` are dicts by names of bodies, `law` by the two ends.
         """
         if self.source is None:
             raise InputError(
@@ -118,16 +118,15 @@ class History(RunHistory, SavableResults):
 
     @cached_property
     def site_motion(self) -> SiteMotion | None:
-        """Largest displacement of the site along the impact within the run, `largest` [m] and
-        `time` [s]; None of a free part or of a scene.
-        """
+        """Largest displacement of the site along the impact within the run, `largest` [m], and its
+        `time` [s]; None for a free part or a scene."""
         return None if self.named else site_motion(self)
 
     def field(self, t: ArrayLike, body: str = "structure") -> Array:
-        """Nodal displacements (n_dofs,) of a body at one time, (n, n_dofs) at several [m].
+        """Nodal displacements (n_dofs,) [m] of a body at one time; (n, n_dofs) at several times.
 
-        Article eq. (8), without the sag of a supported body under its own weight. `body`: name of a
-        body whose model has shapes.
+        By Article eq. (8), without the static deflection of a supported body under its own weight.
+        `body`: name of a body whose model has shapes.
         """
         displacements = modes_with_shapes(self, body).field(self.coordinates(t, body))
         forces = stretch_of_motion(self, body)
@@ -144,7 +143,7 @@ class History(RunHistory, SavableResults):
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """Force and motions as a matplotlib figure; see `antiosc.plotting.plot_history`.
 
-        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
+        With `path` (PNG, PDF, SVG, …) the picture is written and the path is returned.
         """
         from antiosc.plot.charts import plot_history  # loaded where a picture is drawn
 
@@ -177,7 +176,7 @@ class History(RunHistory, SavableResults):
         return table
 
     def numbers(self) -> dict[str, object]:
-        """Its single results: name -> JSON value."""
+        """Single results of the history as JSON values, by name."""
         contacts = {
             _contact_label(contact_history): _contact_numbers(contact_history)
             for contact_history in self.contact_histories
@@ -198,7 +197,7 @@ class History(RunHistory, SavableResults):
 
     @property
     def explanation(self) -> str:
-        """The message, with `unfinished`."""
+        """The message and `unfinished`."""
         return f"{self.message} {self.unfinished}".rstrip()
 
     @property
@@ -280,9 +279,8 @@ class History(RunHistory, SavableResults):
 
     @property
     def stretch_texts(self) -> list[str]:
-        """Sentences on bodies that stretch, with the number of their modes, and on a thin solid
-        that is taken as linear.
-        """
+        """Sentences on bodies with second-order forces and the number of their modes, and on a thin
+        solid without them."""
         if left_out := self.assembly.omitted_stretch_ratio:
             energy = f"the energy of second-order strain is {percent(left_out)} of that of its"
             return [f"'structure' is taken as linear: {energy} motion at the largest force"]
@@ -336,7 +334,7 @@ def _contact_label(contact: ContactHistory) -> str:
 
 
 def _contact_numbers(contact: ContactHistory) -> dict[str, object]:
-    """The single results of one contact."""
+    """Single results of one contact as JSON values, by name."""
     return {
         "peak_force": float(contact.peak_force),
         "impulse": float(contact.impulse),
@@ -346,7 +344,7 @@ def _contact_numbers(contact: ContactHistory) -> dict[str, object]:
 
 
 def error_scope(history: History) -> str:
-    """Text: the causes that `history.error` covers, and where the other errors are found."""
+    """Text: the causes that `history.error` covers, and where to find the other errors."""
     bodies = [scene_body.body for scene_body in history.assembly.bodies.values()]
     facts = [info_of(body) for body in bodies]
     if _has_error_bars(history):
@@ -372,7 +370,7 @@ def budget_of(history: History) -> ErrorBudget | None:
 
 
 def _has_error_bars(history: History) -> bool:
-    """Whether a history has error bars, or a body with the estimated error of its mesh."""
+    """Whether a history has error bars, or a body with an estimated mesh error."""
     bodies = [scene_body.body for scene_body in history.assembly.bodies.values()]
     estimated = any(getattr(body, "strain_error", None) is not None for body in bodies)
     of_strike = any("strike" in info_of(body) for body in bodies)
@@ -380,7 +378,7 @@ def _has_error_bars(history: History) -> bool:
 
 
 def error_text(history: History) -> str:
-    """Text: the error of the peak force by cause; without a budget by the law and in time."""
+    """Text: the error of the peak force by cause; without a budget, due to law and time steps."""
     budget = budget_of(history)
     if budget is not None:
         return budget.causes_text("peak_force")

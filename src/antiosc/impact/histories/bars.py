@@ -37,7 +37,7 @@ ALWAYS_SHOWN_CAUSES = ("law", *RARE_CAUSES)
 
 @dataclass(frozen=True)
 class ErrorBar:
-    """The bar of one quantity: bounds on its relative errors, by cause."""
+    """The error bar of one quantity: bounds on its relative error due to each cause."""
 
     value: float  # of the quantity, SI units
     mesh: float = 0.0  # displacements that the mesh cannot represent
@@ -51,7 +51,7 @@ class ErrorBar:
 
     @property
     def numerical(self) -> float:
-        """Sum of all causes but the law, which no finer model or run changes."""
+        """Sum of all causes except the contact law, whose error no finer model reduces."""
         return sum(getattr(self, cause) for cause in CAUSES if cause != "law")
 
     @property
@@ -61,26 +61,26 @@ class ErrorBar:
 
     @property
     def total(self) -> float | None:
-        """Sum of all causes; None where the error of the law or of the mesh is not known."""
+        """Sum of all causes; None if the error of the law or of the mesh is not known."""
         return None if self.law is None or self.without_mesh else self.known
 
 
 @dataclass(frozen=True)
 class ErrorBudget(Mapping[str, ErrorBar]):
-    """The bars of "peak_force", "impulse" and "contact_time".
+    """The error bars of "peak_force", "impulse" and "contact_time".
 
-    There are no bars without "mesh", or without "law", unless the law was given: then they are
-    those for this law.
+    Without the error of the "mesh" or of the "law" there is no bar. If the user gave the law, the
+    bars hold for this law.
     """
 
-    #: quantity -> bar; "deflection", no member of the mapping: of the largest one of a held site
+    #: bars by quantity; also "deflection" (not in the mapping), the largest one of a held site
     bars: Mapping[str, ErrorBar]
     energy_error: float  #: share of strain errors in the strain energy, mean over the contact
     notes: tuple[str, ...] = ()  #: errors that the bars do not include, and reasons for doubts
     safety: float = 2.0  #: factor of the mesh's bars over the differences to the corrected model
-    #: what is not known -> why: a cause, with 0 in the bars; a quantity of unlike compared runs
+    #: reasons by name of an unknown cause (0 in the bars), or of a quantity that was not comparable
     unknown: Mapping[str, str] = field(default_factory=dict)
-    #: e of a blow with the impulse m v (1 + e) on a part at rest; None if it is none or < 0
+    #: e of an impact with the impulse m v (1 + e) on a part at rest; None for others and e < 0
     restitution: float | None = None
 
     def __getitem__(self, name: str) -> ErrorBar:
@@ -94,15 +94,15 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def deflection(self) -> ErrorBar | None:
-        """The bar of the deflection; None of a free part."""
+        """Error bar of the largest deflection of the site; None for a free part."""
         return self.bars.get(DEFLECTION)
 
     def of_corrected(self, hit: object) -> ErrorBudget:
-        """Error bars of `hit` on the corrected model, from those of the raw model.
+        """Error bars of `hit` on the corrected model, from the bars of the uncorrected model.
 
-        With d the difference of both models and S >= 2 the safety factor, the error of the raw
-        model is at most S d. The corrected model lies d nearer to the truth, or beyond it by less
-        than d: its error is at most (S - 1) d.
+        With the difference d of both models and the safety factor S >= 2, the error of the
+        uncorrected model is at most S d. The corrected model is closer to the truth by d, or beyond
+        it by less than d: its error is at most (S - 1) d.
         """
         nearer = 1 - 1 / self.safety
         motion = getattr(hit, "site_motion", None)
@@ -134,20 +134,20 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def numerical(self) -> float:
-        """Largest of the three sums of all causes but the law."""
+        """Sum of all causes except the contact law, the largest of the three quantities."""
         return max(bar.numerical for bar in self.values())
 
     @property
     def rest_of_force(self) -> float | None:
-        """Relative error of the peak force by all causes but truncation; None without a bar."""
+        """Relative error of the peak force without truncation; None without an error bar."""
         bar = self.bars["peak_force"]
         return None if self.no_bar else bar.known - bar.truncation
 
     def sides(self, name: str) -> tuple[float, float]:
-        """Relative errors (below, above) of a quantity by the causes that are known.
+        """Relative errors (below, above) of a quantity due to the known causes.
 
-        They stay within what physics allows: no quantity is negative, and the impulse m v (1 + e)
-        of a blow on a part at rest lies between m v and 2 m v.
+        They are limited by physics: no quantity is negative, and the impulse m v (1 + e) of an
+        impact on a part at rest is between m v and 2 m v.
         """
         bar = self.bars[name]
         below, above = min(bar.known, 1.0), bar.known
@@ -157,7 +157,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def restitution_sides(self) -> tuple[float, float] | None:
-        """Errors (below, above) of the restitution e from those of the impulse m v (1 + e)."""
+        """Errors (below, above) of the restitution e, from errors of the impulse m v (1 + e)."""
         if self.restitution is None or self.no_bar:
             return None
 
@@ -165,7 +165,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return (1 + self.restitution) * below, (1 + self.restitution) * above
 
     def shown(self, name: str, digits: int = 4) -> str:
-        """Text: a quantity with its error bar, or with its upper bound, or that it has no bar."""
+        """Text: a quantity with its error bar or its upper bound, or that it has no bar."""
         bar = self.bars[name]
         value = engineering(bar.value, BAR_UNITS[name], digits)
         if self.no_bar:
@@ -181,22 +181,22 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def no_bar(self) -> bool:
-        """Whether a cause is not known that may be the largest: the law's error, or the mesh's."""
+        """Whether a cause that may be the largest, the law or the mesh, is unknown."""
         return "mesh" in self.unknown or any(bar.law is None for bar in self.values())
 
     @property
     def law(self) -> str:
-        """Why the error of the contact's law is not in the bars; "" where it is."""
+        """Reason why the error of the contact law is not in the bars; "" if it is."""
         return self.unknown.get("law", "")
 
     @property
     def condition(self) -> str:
-        """Text behind a bar that holds for the law as given; "" for other bars."""
+        """Text to follow a bar that holds for the given law; "" for other bars."""
         return GIVEN_LAW_TEXT * bool(self.law)
 
     @property
     def footnote(self) -> str:
-        """Sentence on why there are no bars, or on what they leave out; "" if they are complete."""
+        """Sentence on why there are no bars or which errors they lack; "" if complete."""
         reasons = [self.unknown.get("mesh", "")]
         if not reasons[0] or any(bar.law is None for bar in self.values()):
             reasons.append(self.law)
@@ -214,7 +214,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return f"{restitution_text(e, digits)} {error}{self.condition}"
 
     def shares(self, name: str) -> dict[str, float | None]:
-        """Cause -> its relative error or None if unknown; also "total", "below" and "above"."""
+        """Relative errors (None if unknown) by cause; also "total", "below" and "above"."""
         bar = self.bars[name]
         not_known = CAUSES if name in self.unknown else [c for c in self.unknown if c != "law"]
         shares = {cause: None if cause in not_known else getattr(bar, cause) for cause in CAUSES}
@@ -265,7 +265,7 @@ def relative_differences(first: object, second: object) -> dict[str, float]:
 
 
 def are_comparable(first: Any, second: Any) -> bool:
-    """Whether the main impacts of two results have, as far as is known, as many contacts."""
+    """Whether the main impacts of two results have the same number of contacts, if known."""
     return contacts_of_main(first) == contacts_of_main(second)
 
 
@@ -286,7 +286,7 @@ def contact_time_note(result: Any) -> str:
 
 
 def relative_changes(first: Any, second: Any) -> dict[str, float]:
-    """`relative_differences`; the larger of the others for contact times not comparable."""
+    """`relative_differences`; for incomparable contact times, the larger of the other two."""
     found = relative_differences(first, second)
     if not are_comparable(first, second):
         found["contact_time"] = max(found["peak_force"], found["impulse"])
@@ -294,14 +294,14 @@ def relative_changes(first: Any, second: Any) -> dict[str, float]:
 
 
 def relative_changes_with_site(first: Any, second: Any) -> dict[str, float]:
-    """`relative_changes`, and that of the site's displacement, 0 if it is not known."""
+    """`relative_changes`, and the change of the site's displacement (0 if unknown)."""
     moved = [getattr(one, "site_motion", None) for one in (first, second)]
     largest = [0.0 if one is None else one.largest for one in moved]
     return {**relative_changes(first, second), DEFLECTION: _relative_difference(*largest)}
 
 
 def with_floor(errors: Mapping[str, float]) -> dict[str, float]:
-    """The errors, none below `MIN_ERROR_SHARE` times the largest of the three quantities."""
+    """The errors, raised to at least `MIN_ERROR_SHARE` times the largest of three quantities."""
     worst = max(errors[name] for name in QUANTITIES)
     return {name: max(error, MIN_ERROR_SHARE * worst) for name, error in errors.items()}
 

@@ -23,7 +23,7 @@ class Energy(ReprMixin):
 
     Attributes
     ----------
-    kinetic, strain : kinetic and strain energy of both bodies.
+    kinetic, strain : kinetic and strain energy of all bodies.
     contact : recoverable energy of the contact.
     dissipated : energy lost in the contact law and in the damping of the bodies up to this time.
     gravity : work of gravity up to this time.
@@ -59,10 +59,10 @@ def replayed_energies(
     speeds: Iterable[float],
     earlier: ContactState | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Recoverable energy [J], accumulated plastic loss [J] and damping force [N]: arrays (n,).
+    """(recoverable energy [J], accumulated plastic loss [J], damping force [N]), each (n,).
 
-    force, depth : (n,) of one contact at the nodes. spans, speeds : first and last node of each
-    touch, and its closing speed [m/s]. earlier : state at the end of an earlier run.
+    force, depth : (n,) of one contact at the nodes. spans, speeds : first and last node, and
+    closing speed [m/s], of each touch. earlier : state at the end of an earlier run.
     """
     stored, plastic, damping = (np.zeros(depth.size) for _ in range(3))
     state: State | None = None if earlier is None else earlier.state
@@ -149,7 +149,7 @@ def path_work(force: Array, displacement: Array) -> Array:
 
 
 def impulses(time: Array, force: Array) -> Array:
-    """Integrals (n - 1, m) from node to node of forces (n, m) that are parabolas over steps."""
+    """Integrals (n - 1, m) from node to node of forces (n, m) that are parabolic in each step."""
     f0 = force[:-2:2]
     f1 = force[1:-1:2]
     f2 = force[2::2]
@@ -210,7 +210,7 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
 def _cumulative_work_and_losses(
     a: Assembly, run: Run, mechanical: Array, work: Array, losses: Array
 ) -> tuple[Array, Array]:
-    """Work of loads, losses by damping [J] up to each node; in flight from the energy balance."""
+    """(work of loads, damping losses) [J] up to each node; in flight by the energy balance."""
     if not (np.any(work) or a.system.damped):
         return np.zeros(run.time.size), np.zeros(run.time.size)
     damped = a.system.damped
@@ -230,9 +230,9 @@ def _cumulative_work_and_losses(
 def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     """Energy (n - 1,) that modal damping dissipates from node to node, at any step length.
 
-    It is the work of a modal force that is a parabola in time, minus the energy that the mode
-    gains. Integration by parts needs the integrals of q and t q, which the equation of motion
-    gives. The terms cancel for short steps, for which the trapezoidal rule is used.
+    It is the work of a modal force that is parabolic in time, minus the energy that the mode gains.
+    Integration by parts needs the integrals of q and t q, which follow from the equation of motion.
+    For short steps the terms cancel; the trapezoidal rule is used there.
     """
     system = a.system
     step = np.diff(run.time)[:, None]

@@ -1,4 +1,4 @@
-"""Factors of the shapes of a body in its motion: displacements and their time derivatives.
+"""Factors of a body's shapes in its motion: displacements and their time derivatives.
 
 The equations of motion in modal coordinates give the accelerations from the displacements, the
 velocities and the forces; nothing is differentiated numerically.
@@ -23,7 +23,7 @@ TIMES_AT_ONCE = 2000
 
 
 def no_field_message(model: object) -> str:
-    """Why a model has no displacement field, with the remedy."""
+    """Message on why a model has no displacement field, with the remedy."""
     name = type(getattr(model, "body", model)).__name__
     return (
         f"{name} has no displacement field: it has no shapes (model files do not store them); "
@@ -34,7 +34,7 @@ def no_field_message(model: object) -> str:
 def _model_modes_stretch(
     history: AnyHistory, body: str
 ) -> tuple[object, ModalBody | SiteModes, Stretch | None]:
-    """(model of a body, its free modes, the second-order forces in its motion or None)."""
+    """(model of a body, its free modes, its second-order forces or None)."""
     if isinstance(history, BodyHistory):
         return history.placed.body, history.placed.modes, history.stretched
     return *history.of(body), history.assembly.stretch_forces.get(history.name_of(body))
@@ -49,7 +49,7 @@ def modes_with_shapes(history: AnyHistory, body: str) -> ModalBody | SiteModes:
 
 
 def checked_times(history: AnyHistory, times: ArrayLike | None) -> Array:
-    """Checked times (n,), by default those of the history."""
+    """Checked times (n,); default: the times of the history."""
     if times is None:
         return history.time
     if isinstance(history, BodyHistory):
@@ -74,7 +74,7 @@ def stretch_of_motion(history: AnyHistory, body: str) -> Stretch | None:
 
 
 def stretch_shapes(history: AnyHistory, body: str) -> Array | None:
-    """Second-order displacements (n_dofs, P) of the pairs of modes of a body, or None."""
+    """Second-order displacements (n_dofs, P) of a body's pairs of modes; None if it is linear."""
     model, _, forces = _model_modes_stretch(history, body)
     stretch = stretch_of(model)
     if forces is None or stretch is None or (shapes := stretch.shapes_in(forces.modes)) is None:
@@ -91,8 +91,8 @@ def stretch_shapes(history: AnyHistory, body: str) -> Array | None:
 def shape_factors(history: AnyHistory, times: Array, body: str, derivative: int = 0) -> Array:
     """Factors (n, B) of the body's shapes at `times`, or their first or second derivatives.
 
-    With second-order forces those of the pairs of modes follow: (n, B + m (m + 1)/2). Velocities
-    and accelerations are those of the modes: a residual compliance follows the force.
+    With second-order forces, factors of pairs of modes follow: (n, B + m (m + 1)/2). Velocities and
+    accelerations are of the modes only, without the residual compliance, which follows the force.
     """
     modes = modes_with_shapes(history, body)
     motion = _motion_at(history, times, body)
@@ -121,7 +121,7 @@ def spring_amplitudes(history: AnyHistory, times: Array, body: str) -> list[Arra
 
 
 def unit_energy_factors(modes: ModalBody | SiteModes) -> tuple[Array, int]:
-    """Factors (2, B) that scale the shapes of each elastic mode to q'Kq = 1, and to q'Mq = 1."""
+    """Factors (2, B) that scale each elastic mode's shapes to q'Kq = 1, and to q'Mq = 1."""
     elastic = modes.omega > 0
     q = np.vstack([np.where(elastic, 1 / np.where(elastic, modes.omega, 1.0), 0.0), elastic])
     return _factors_of_displacements(modes, q), int(elastic.sum())
@@ -139,9 +139,8 @@ def _factors_of_displacements(
 def modal_amplitudes(
     history: RunHistory, times: Array, body: str, derivative: int
 ) -> tuple[Array, Array, Array]:
-    """Frequencies (J,) of a body's modes, their factors (J, B) and largest amplitudes (J,), without
-    the quasi-static response to the forces; those of rigid-body modes are 0.
-    """
+    """(frequencies (J,) of a body's modes, their factors (J, B), largest amplitudes (J,) without
+    the quasi-static response to the forces; 0 for rigid-body modes)."""
     modes = modes_with_shapes(history, body)
     omega = modes.omega
 

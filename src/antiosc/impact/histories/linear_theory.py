@@ -1,4 +1,4 @@
-"""Rotations and deflections in a run that leave linear theory: messages and warnings."""
+"""Messages and warnings on rotations and deflections in a run beyond linear theory."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def warn_large_rotation(name: str, angle: float) -> None:
 
 
 def deflection_text(name: str, deflection: float, thickness: float) -> str:
-    """Start of a sentence on a deflection [m]."""
+    """First words of a sentence on a deflection [m]."""
     return (
         f"{name!r} deflects by {1e3 * deflection:.3g} mm, {deflection / thickness:.3g} times its"
         f" thickness {1e3 * thickness:.3g} mm"
@@ -46,7 +46,7 @@ def deflection_text(name: str, deflection: float, thickness: float) -> str:
 
 
 def beyond_theory_text(name: str, deflection: float, thickness: float, stretches: bool) -> str:
-    """Warning of a deflection [m] of a sheet beyond the theory of its run; "" if within."""
+    """Warning of a sheet's deflection [m] beyond the theory of the run; "" if within."""
     limit = THIRD_ORDER_DEFLECTION_RATIO if stretches else LINEAR_DEFLECTION_RATIO
     if not deflection > limit * thickness:
         return ""
@@ -60,7 +60,7 @@ def beyond_theory_text(name: str, deflection: float, thickness: float, stretches
 
 
 def large_deflection_message(history: RunHistory) -> str:
-    """Warning of the worst deflection of a supported sheet beyond its theory; "" if none."""
+    """Warning of the worst deflection of a supported sheet beyond the theory; "" if none."""
     worst = 0.0
     message = ""
 
@@ -82,7 +82,7 @@ def large_deflection_message(history: RunHistory) -> str:
 
 
 def curved_force_change(history: RunHistory, name: str) -> float:
-    """Largest share of second-order strain in the force on a curved sheet; 0 for others."""
+    """Largest share of second-order strain in the force on a curved sheet; 0 for other bodies."""
     body = history.assembly.bodies[name]
     shares = body.info.get("second_order")
     if not shares:
@@ -107,7 +107,7 @@ def may_stretch(history: RunHistory) -> bool:
 
 
 def sheets_of_run(history: RunHistory, supported: bool = False) -> Iterator[tuple[str, float]]:
-    """Yield name and thickness [m] of each sheet or thin solid; if `supported`, of these alone."""
+    """Yield (name, thickness [m]) of each sheet or thin solid; `supported`: only supported ones."""
     for name, body in history.assembly.bodies.items():
         h = body.info.thickness
         if h is not None and (body.omega.all() or not supported):
@@ -119,7 +119,7 @@ _known_deflections: WeakKeyDictionary[RunHistory, dict[str, float]] = WeakKeyDic
 
 
 def largest_deflection(history: RunHistory, name: str) -> float:
-    """Largest displacement [m] of a body's sites along the contacts, by elastic modes alone."""
+    """Largest displacement [m] of a body's sites along the contacts, in elastic modes only."""
     known = _known_deflections.setdefault(history, {})
     if name not in known:
         a = history.assembly

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 class SeveralContactsError(InputError, AttributeError):
-    """A result of a single contact is asked of a history with several."""
+    """A result of a single contact is requested from a history with several contacts."""
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -85,7 +85,7 @@ class RunHistory(OneContact):
 
     @property
     def details(self) -> list[str]:
-        """Sentences on contact laws from which the compliance of a patch was subtracted."""
+        """Sentences on contact laws from which a patch's compliance was subtracted."""
         return list(self.assembly.notes)
 
     # -- of one contact: force and numbers are those of `OneContact`
@@ -94,8 +94,8 @@ class RunHistory(OneContact):
     def displacement(self) -> Array:
         """Displacement u of the structure's site [m], (n,), along the contact.
 
-        For a supported structure it is measured from its equilibrium under gravity: the static sag
-        under its own weight is not included.
+        For a supported structure it counts from its equilibrium under gravity, without the static
+        deflection under its own weight.
         """
         return self._sites[0]
 
@@ -157,7 +157,7 @@ class RunHistory(OneContact):
     def at(self, times: ArrayLike) -> dict[str, BodyHistory]:
         """The bodies by name at times (n,) [s] of the run, exact also between the nodes.
 
-        The nodes may lie far apart in flight: values are not to be interpolated between them.
+        In flight the nodes may be far apart: do not interpolate between them.
         """
         t = self._times_in_run(times)
         return self._bodies(t, *self.states(t), contact_forces(self.run, *steps_at(self.run, t)))
@@ -170,9 +170,8 @@ class RunHistory(OneContact):
     def coordinates(self, t: ArrayLike, body: str = "structure") -> Array:
         """The coordinates of a body's model: lambda_0 ... lambda_N for `AntiOscillators`.
 
-        `t` of shape (n,) gives (n, C), a single time (C,). The coordinates are those of the model
-        in free modes (`of`): lambda, then one for each rigid-body motion of a free body that moves
-        no site.
+        Shape (n, C) for times (n,), (C,) for a single time. Coordinates of hidden rigid-body
+        motions of a free body, which move no site, follow lambda.
         """
         _, modes = self.of(body)
         motion = self.at(t)[self.name_of(body)]
@@ -184,7 +183,7 @@ class RunHistory(OneContact):
     def of(self, body: str) -> tuple[object, ModalBody | SiteModes]:
         """(model of a body, its form in free modes).
 
-        For "structure", if no body has this name, it is the body with displacement shapes.
+        If no body is named "structure", this name means the body with displacement shapes.
         """
         scene_body = self.assembly.bodies[self.name_of(body)]
         if isinstance(scene_body.body, RigidBody):
@@ -192,7 +191,7 @@ class RunHistory(OneContact):
         return scene_body.body, scene_body.modes
 
     def name_of(self, body: str) -> str:
-        """The key in `bodies` to which the name `body` refers; see `of`."""
+        """The key in `bodies` for the name `body`; see `of`."""
         bodies = self.assembly.bodies
         checks.instance("body", body, str, "the name of a body")
 
@@ -209,7 +208,7 @@ class RunHistory(OneContact):
         return body
 
     def largest_rotation(self) -> tuple[str, float]:
-        """(name of the free body that turned most, its angle [rad]); ("", 0.0) if unknown."""
+        """(name of the free body with the largest rotation, angle [rad]); ("", 0.0) if unknown."""
         a = self.assembly
         free = [b for b in a.bodies.values() if b.inertia is not None and not b.omega.all()]
         if not free:
@@ -228,7 +227,7 @@ class RunHistory(OneContact):
 
     @cached_property
     def _record(self) -> SceneRun:  # type: ignore[override]
-        """The run that its contacts share; for two bodies with additional nodes in flight."""
+        """The run that all contacts share; for two bodies, with additional nodes in flight."""
         return SceneRun(self.assembly, self.run, not self.named, self.enclosures)
 
     @property
@@ -249,7 +248,7 @@ class RunHistory(OneContact):
 
     @property
     def _free_structure(self) -> BodyHistory:
-        """The structure, if its momentum is known; otherwise an error."""
+        """The structure; InputError if its momentum is not known."""
         structure = self.bodies[self._ends[0].name]
         if structure.placed.inertia is None:
             raise InputError(
@@ -332,5 +331,5 @@ class RunHistory(OneContact):
         return np.minimum(times, end)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return the fields for pickle, without the structure."""
+        """The fields for pickle, without the structure."""
         return {f.name: getattr(self, f.name) for f in fields(self)} | {"structure": None}

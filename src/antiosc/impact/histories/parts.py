@@ -89,7 +89,7 @@ class OneContact:
 
     @property
     def law(self) -> ContactLaw:
-        """The law of the contact, given or chosen, before patch compliances are subtracted."""
+        """The given or chosen law of the contact, before patch compliances are subtracted."""
         return self._record.assembly.scene.contacts[self._row].law
 
     @property
@@ -101,7 +101,7 @@ class OneContact:
 
     @property
     def deepest(self) -> float:
-        """Largest indentation [m], including that of the patches where the run's law omits it."""
+        """Largest indentation [m], including the patches' if the law in the run omits it."""
         marched = self._record.assembly.laws[self._row]
         compliance = marched.compliance if self.law.compliance == 0.0 else 0.0
         return float(max(self.indentation.max(), 0.0)) + compliance * self.peak_force
@@ -114,12 +114,12 @@ class OneContact:
 
     @property
     def peak_force(self) -> float:
-        """Largest contact force [N] of all blows, also between the nodes."""
+        """Largest contact force [N] of the run, also between the nodes."""
         return float(self._numbers.peak)
 
     @property
     def impulse(self) -> float:
-        """Time integral of the contact force [N s] over the whole run: of all blows."""
+        """Time integral of the contact force [N s] over the whole run."""
         return float(self._numbers.impulse)
 
     @property
@@ -127,14 +127,14 @@ class OneContact:
         """Time from the first touch to the last release of the main impact [s]; 0 without contact.
 
         Successive contacts belong to one impact if the flight between them is shorter than the
-        impact up to then. The main impact is the one with the largest impulse. A contact that goes
-        on at the end of the run counts up to there (status 3).
+        impact before it. The main impact has the largest impulse. A contact that is still closed at
+        the end of the run counts up to there (status 3).
         """
         return float(self._numbers.contact_time)
 
     @property
     def count_text(self) -> str:
-        """Text: number of contacts, and how many the main impact has if others follow it."""
+        """Text: number of contacts, and number in the main impact if others follow it."""
         of_main = contacts_of_main(self)
         more = f", {of_main} in the main impact" if of_main < len(self.contacts) else ""
         return f"{len(self.contacts)}{more}"
@@ -146,16 +146,16 @@ class OneContact:
         The speed of separation at the contact point after the last release, divided by the speed of
         approach at the first touch. Both are speeds of the rigid-body motions, without vibration. A
         supported structure has no rigid-body motion at its site; the coefficient is then the
-        rebound speed of the impactor over its speed of approach. Negative: after the last release
-        these motions still approach, and the bodies will touch again; lengthen the duration. None
-        without a contact, if the bodies are in contact at the end, or if they did not approach.
+        rebound speed of the impactor divided by its speed of approach. If it is negative, these
+        motions still approach after the last release, and the bodies will touch again: lengthen the
+        duration. None without a contact, with a contact at the end, or if they did not approach.
         """
         restitution = float(self._numbers.restitution)
         return None if isnan(restitution) else restitution
 
     @property
     def enclosure(self) -> Enclosure:
-        """Proved bounds on the force, by proof=True of `simulate` or `Scene.run`."""
+        """Proved bounds on the force, with proof=True of `simulate` or `Scene.run`."""
         if not self._record.enclosures:
             raise InputError("the run has no proved bounds: give simulate or Scene.run proof=True.")
         return self._record.enclosures[self._row]
@@ -174,7 +174,7 @@ class OneContact:
 
     @cached_property
     def _numbers(self) -> library.CNumbers:
-        """The numbers of the contact, and those of each of its touches."""
+        """The numbers of the contact and of each of its touches."""
         run = self._record.run
         a = self._record.assembly
         touches, goes_on = self._touch_records
@@ -215,13 +215,12 @@ class ContactHistory(OneContact, ReprMixin):
 
     @property
     def friction(self) -> Array:
-        """Tangential contact forces on b [N], opposite on a, (n, 1) or (n, 2); (n, 0) without
-        friction.
-        """
+        """Tangential contact forces [N] on b (opposite on a), (n, 1) or (n, 2); (n, 0) without
+        friction."""
         return self._record.nodes.force[:, self._record.assembly.system.friction_rows[self._row]]
 
     def pulses(self) -> tuple[Array, Array]:
-        """Times [s] (n,) of the nodes of all touches, and forces [N] (n,) there."""
+        """(times (n,) [s] of the nodes of all touches, forces (n,) [N] there)."""
         run = self._record.run
         nodes = [np.zeros(0, dtype=int)]
         steps = zip(self._touch_records[0]["first"], self._touch_records[0]["last"], strict=True)
@@ -245,10 +244,10 @@ class BodyHistory(ReprMixin):
     ----------
     time : (n,) [s].
     q, v, a : (n, J) modal displacements, velocities and accelerations.
-    forces : (n, P) on the columns of its sites, along their directions [N].
-    springs : (n, J) modal displacements of the spring of each Maxwell branch of its damping.
+    forces : (n, P) forces on the columns of its sites, along their directions [N].
+    springs : (n, J) modal displacements of the spring, for each Maxwell branch of its damping.
     kinetic, strain : (n,) energies [J].
-    stretched : the second-order forces that took part in its motion; None: it is linear.
+    stretched : second-order forces of the body in this run; None if it is linear.
     """
 
     placed: SceneBody
@@ -264,27 +263,27 @@ class BodyHistory(ReprMixin):
     stretched: Stretch | None = None
 
     def displacement(self, site: str = "", direction: ArrayLike | None = None) -> Array:
-        """Displacement (n,) [m] of a site, along the direction that the contact pushes it in.
+        """Displacement (n,) [m] of a site, in the direction in which the contact pushes it.
 
-        For a supported body it is measured from its equilibrium under gravity: the static sag under
-        its own weight is not included.
+        For a supported body it counts from its equilibrium under gravity, without the static
+        deflection under its own weight.
         """
         return np.asarray(self._columns @ self._row(site, direction))
 
     def velocity(self, site: str = "", direction: ArrayLike | None = None) -> Array:
-        """Velocity (n,) [m/s] of a site, without its massless residual part."""
+        """Velocity (n,) [m/s] of a site, without the part of its massless residual compliance."""
         return np.asarray(self.v @ (self.placed.modes.B @ self._row(site, direction)))
 
     def acceleration(self, site: str = "", direction: ArrayLike | None = None) -> Array:
         """Acceleration (n,) [m/s^2] of a site relative to the ground, without its massless part.
 
-        It may jump where a contact touches or parts.
+        It may jump at a touch or a release.
         """
         return np.asarray(self.a @ (self.placed.modes.B @ self._row(site, direction)))
 
     @property
     def momentum(self) -> Array:
-        """Momentum [kg m/s]: (n, 3) of a body that moves in space, else (n,) along its axis."""
+        """Momentum [kg m/s]: (n, 3) for a body that moves in space, else (n,) along its axis."""
         if self.placed.inertia is not None:
             return np.asarray(self.v @ self.placed.inertia.momentum[:, :3])
         if self.placed.modes.weight is None:
@@ -301,7 +300,7 @@ class BodyHistory(ReprMixin):
 
     @property
     def rotation(self) -> Array:
-        """Rotation vector (n, 3) [rad] of the rigid motion, taken as small."""
+        """Rotation vector (n, 3) [rad] of the rigid motion, assumed small."""
         return self.placed.rotation(self.q)
 
     def _row(self, site: str, direction: ArrayLike | None) -> Array:

@@ -1,4 +1,4 @@
-"""How a run ended: its status, message and warnings."""
+"""The end of a run: status, message and warnings."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MAX_NAMED = 5
 
 
 class RunEnd(NamedTuple):
-    """How a run ended: the data from which `status_of` makes status and message."""
+    """Data on the end of a run, from which `status_of` makes status and message."""
 
     answer: int
     time: float  # time reached [s]
@@ -65,7 +65,7 @@ def status_of(
 
 
 def warn_unless_completed(status: int, message: str) -> None:
-    """Warn at the caller's line with the message of a run that did not just complete."""
+    """Warn at the caller's line with the message of a run whose status is not 0."""
     if message == COMPLETED_MESSAGE:
         return
 
@@ -75,7 +75,7 @@ def warn_unless_completed(status: int, message: str) -> None:
 
 
 def inexact_message(ended: RunEnd | Converged, tol: float, max_steps: int) -> str:
-    """Why a complete run does not meet the tolerance; "" if it does."""
+    """Reason why a complete run does not meet the tolerance; "" if it does."""
     worst = max(ended.force, ended.peak)
     if worst <= tol:
         return ""
@@ -108,7 +108,7 @@ def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
 
 
 def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
-    """Why nothing touched, perhaps by a wrong sign; "" if something did."""
+    """Reason why nothing touched, perhaps a wrong sign; "" if something touched."""
     system = assembly.system
     if ended.touches or np.any(system.start_forces):
         return ""
@@ -140,13 +140,13 @@ def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
 
 
 def _without_rounding(beta: Array, modal: Array) -> Array:
-    """The product beta · modal (p,), with 0 for values that are rounding."""
+    """The product beta · modal (p,), with 0 for values that consist of rounding."""
     product = beta @ modal
     return np.where(abs(product) > ROUNDING * (abs(beta) @ abs(modal)), product, 0.0)
 
 
 def scenes_text(scenes: Sequence[int], size: int, worst: int) -> str:
-    """Text: how many of `size` scenes, the first numbers of them, the worst."""
+    """Text: number of the `scenes` out of `size`, the first of their numbers, the worst scene."""
     more = ", ..." * (len(scenes) > _MAX_NAMED)
     numbers = ", ".join(map(str, scenes[:_MAX_NAMED]))
     return f"{len(scenes)} of {size} scenes ({numbers}{more}), as scene {worst}"

@@ -1,4 +1,4 @@
-"""How far the site of a struck part moves, and whether the striker is out of its reach."""
+"""Largest displacement of the site of a struck part, and whether the striker is out of reach."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ INITIAL_DURATION, LONGER = 1e-3, 32
 
 
 class SiteMotion(NamedTuple):
-    """The displacement of a site along the impact, of `History.displacement`."""
+    """Displacement of a site along the impact, from `History.displacement`."""
 
     largest: float  # within the run [m]
     time: float  # when [s]
@@ -58,7 +58,7 @@ def site_motion(hit: RunHistory) -> SiteMotion | None:
 
 
 def parted(hit: Any) -> bool:
-    """Whether the bodies are apart at the end, by more than the site has moved."""
+    """Whether at the end the bodies are farther apart than the site has moved."""
     touching = bool(hit.contacts) and hit.contacts[-1][1] >= float(hit.run.time[-1])
     if touching or (hit.restitution is not None and hit.restitution < 0):
         return False

@@ -1,4 +1,4 @@
-"""Histories as tables and files: CSV, JSON, pandas, files loaded again."""
+"""Histories as tables and files: CSV, JSON, pandas, and files that can be loaded."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ class SavableResults(ReprMixin):
         raise NotImplementedError
 
     def numbers(self) -> dict[str, object]:
-        """Its single results: name -> JSON value."""
+        """Single results of the history as JSON values, by name."""
         raise NotImplementedError
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write the table as CSV: a line of names with units, then the values with all digits.
 
-        InputError where the file cannot be written.
+        InputError if the file cannot be written.
         """
         import csv  # loaded where it is used
 
@@ -56,7 +56,7 @@ class SavableResults(ReprMixin):
     def to_json(self, path: str | os.PathLike[str] | None = None) -> str:
         """The single results and the table as JSON text; with `path` it is also written there.
 
-        InputError where the file cannot be written.
+        InputError if the file cannot be written.
         """
         table = {name: values.tolist() for name, values in self.columns().items()}
         text = json.dumps({"antiosc": __version__, **self.numbers(), "series": table}, indent=1)
@@ -80,8 +80,8 @@ class SavableResults(ReprMixin):
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the table and the single results to one NumPy `.npz` file; see `load`.
 
-        Models and fields are not stored: pickle the history for those. InputError where the file
-        cannot be written, or has the ending of a table.
+        Models and fields are not stored: pickle the history for them. InputError if the file cannot
+        be written, or has the ending of a table.
         """
         target = checks.path("path", path)
         table = self.columns()
@@ -103,7 +103,7 @@ class SavableResults(ReprMixin):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> SavedHistory:
-        """Read a file that `save` wrote; InputError for others."""
+        """Read a file written by `save`; InputError for other files."""
         header, arrays = read_model_file(path, {"table"}, FILE_FORMAT, MAX_TABLE_BYTES)
 
         try:
@@ -117,7 +117,7 @@ class SavableResults(ReprMixin):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SavedHistory(SavableResults):
-    """A history from a file: its table and its single results, without model and fields.
+    """A history from a file: its table and single results, without model and fields.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class SavedHistory(SavableResults):
         return dict(self.table)
 
     def numbers(self) -> dict[str, object]:
-        """Its single results: name -> JSON value."""
+        """Single results of the history as JSON values, by name."""
         return dict(self.results)
 
     def __getattr__(self, name: str) -> object:

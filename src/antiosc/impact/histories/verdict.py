@@ -1,4 +1,4 @@
-"""Sentences on a contact: whether it yields, and its permanent indentation."""
+"""Sentences on yielding and permanent indentation of a contact."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ POINT_CIRCLE_RATIO = 0.325
 
 
 def law_choice(contact: OneContact) -> Choice | None:
-    """The law that the surfaces of a contact require; None if a surface is unknown."""
+    """The law chosen by the surfaces of a contact; None if a surface is unknown."""
     try:
         (_, first, one), (_, second, other) = _contact_sides(contact)
         return choice_at_sites(first, second, (one, other))
@@ -51,13 +51,13 @@ def _contact_sides(contact: OneContact) -> list[tuple[str, Any, str]]:
 
 
 def yield_share(contact: OneContact) -> float | None:
-    """Peak force over the force from which the contact yields; None if that is unknown."""
+    """Peak force divided by the force at first yield of the contact; None if unknown."""
     law = _law_with_yield(contact)
     return None if law is None else contact.peak_force / law.yield_force
 
 
 def _law_with_yield(contact: OneContact) -> ElasticPlastic | None:
-    """The elastic-plastic law of a contact, given or from its surfaces; None if there is none."""
+    """The elastic-plastic law of a contact, given or by its surfaces; None if there is none."""
     law = contact.law
     if not isinstance(law, ElasticPlastic):
         choice = law_choice(contact) if isinstance(law, Hertz) else None
@@ -78,15 +78,15 @@ class ContactZone(NamedTuple):
 
     @property
     def ball(self) -> Array:
-        """Ball x, y, z, radius (4,) [m] around the contact that a solid's margin leaves out."""
+        """Ball (x, y, z, radius) [m] around the contact in which a solid's margin is not judged."""
         return np.append(self.point, PLASTIC_ZONE_RADII * self.radius)
 
     def spread(self, patch: float, distance: Array) -> Array:
         """Effect of spreading the force over a larger circle of radius `patch` [m].
 
-        Returns the largest von Mises stress [Pa] of the difference, at distances (n,) [m] from the
-        contact: of Hertz's pressure on a half-space; in a sheet of bending, where a point acts like
-        a circle of 0.325 of its thickness (Westergaard).
+        Returns the largest von Mises stress [Pa] of the difference at distances (n,) [m] from the
+        contact: for a half-space that of Hertz's pressure; for a sheet that of bending, in which a
+        point load acts like a circle of radius 0.325 thicknesses (Westergaard).
         """
         if self.thickness:
             least = max(self.radius, POINT_CIRCLE_RATIO * self.thickness)
@@ -124,7 +124,7 @@ def contact_zones(contacts: Iterable[OneContact], body: str) -> list[ContactZone
 
 
 def _contact_size(contact: OneContact) -> tuple[float, float] | None:
-    """Largest radius [m] of a contact, and Poisson's ratio of its softer side; None: unknown."""
+    """(largest radius [m] of a contact, Poisson's ratio of its softer side); None if unknown."""
     law = _law_with_yield(contact)
     if law is not None and contact.peak_force > law.yield_force:
         return rim_radius(law, contact.deepest), law.nu
@@ -143,7 +143,7 @@ def _contact_size(contact: OneContact) -> tuple[float, float] | None:
 
 
 def unknown_dent(contact: OneContact) -> str:
-    """Text: why a contact may have left a dent that its law does not give; "" if it has not."""
+    """Text on why a contact may have left a dent that its law does not give; "" if not."""
     choice = law_choice(contact)
     if choice is None or not choice.unknown:
         return ""
@@ -199,7 +199,7 @@ def law_text(contact: OneContact) -> str:
 
 
 def law_error_text(contact: OneContact) -> str:
-    """Text: error of the peak force due to a law chosen by "auto"; "" for a law that was given."""
+    """Text: error of the peak force due to a law chosen by "auto"; "" for a given law."""
     choice = law_choice(contact)
     if choice is None or choice.law != contact.law or not contact.peak_force > 0:
         return ""
@@ -241,7 +241,7 @@ BODY_WORDS = {"structure": "the part", "impactor": "the striker"}
 
 
 def weaker_side(contact: OneContact) -> str:
-    """Name of the material that yields first, or else of its body; "" if the user gave the law."""
+    """Name of the material (or body) that yields first; "" if the user gave the law."""
     choice = law_choice(contact)
     if choice is None or choice.law != contact.law or choice.soft is None:
         return ""

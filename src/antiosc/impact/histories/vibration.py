@@ -37,17 +37,17 @@ class BodyEnergy(ReprMixin):
 
     @property
     def total(self) -> Array:
-        """All energy of the body, (n,)."""
+        """Total energy (n,) of the body."""
         return self.rigid + self.vibration
 
 
 def body_energy(history: History, body: str) -> BodyEnergy:
-    """Energies of one body by its name; of `simulate`: "structure" or "impactor".
+    """Energies of the body with this name; for `simulate`: "structure" or "impactor".
 
     Raises
     ------
     InputError
-        For another name.
+        An unknown name.
     """
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     motion = history.bodies[history.name_of(body)]
@@ -66,8 +66,8 @@ def body_energy(history: History, body: str) -> BodyEnergy:
 def vibration_share(history: History) -> float:
     """Share of the initial kinetic energy that remains as vibration of all bodies.
 
-    After a contact without losses it is Zener's loss, which slows the rebound of a sphere from a
-    plate (C. Zener, Phys. Rev. 59 (1941) 669-673).
+    After a contact without losses it is the loss that slows the rebound of a sphere from a plate
+    (C. Zener, Phys. Rev. 59 (1941) 669-673).
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Errors of the mesh: energies of the errors of strains, for a whole model and cell by cell."""
+"""Discretisation errors as strain energies, for a whole model and for each cell."""

@@ -1,23 +1,22 @@
-"""The error of the mesh of beams and sheets, by the same mesh with each cell divided.
+"""Discretisation error of beams and sheets, from the same mesh with each cell divided.
 
-The strains of these elements are most accurate at the points where the element takes them, so that
-a recovery of strains finds a part of their error alone. Instead the loads of the shapes (the site's
-load, and inertia forces ω² M ψ with their reaction at the site) act on the divided mesh too. The
-difference of the flexibilities, times 1/(1 - 4^-p), is the error of the mesh: the flexibility of
-beams of degree p converges with the power 2p of the size of the cells; that of sheets with the
-square, where a patch smaller than the cells is loaded.
+These elements evaluate strains at their most accurate points, so that a recovery of strains would
+find only a part of the error. Instead the loads of the shapes (the load at the site, and inertia
+forces ω² M ψ with their reaction at the site) act on the divided mesh too. The difference of the
+flexibilities, times 1/(1 - 4^-p), is the error of the mesh: the flexibility of beams of degree p
+converges with the power 2p of the cell size; the flexibility of sheets converges with its square
+(p = 1) if the loaded patch is smaller than the cells.
 
-Meshes with required sizes of cells: gmsh meshes a geometry again, others are halved.
-
-Meshes of lines are made finer everywhere alike: they are small, and to estimate the error of each
-cell would cost more than the cells that this saves.
+This module also makes meshes of required cell sizes: gmsh meshes a geometry again; cells of a given
+mesh are bisected. Meshes of lines are refined uniformly: they are small, and estimating an error
+for each cell would cost more than it saves.
 
 If the size of a cell with error η² becomes s h, its error becomes s^(2p) η², and 1/s^d cells
-replace it (p the order of the elements, d the dimension). Among all sizes with the same total error
-those with s = λ (η²)^(-1/(q + d)), q = 2p, take the fewest cells (Ladevèze, Coffignal and Pelle,
-1986). But the largest errors are those at inner edges, where q is that of the singularity: 1.09 at
-a right angle (Williams, J. Appl. Mech. 19 (1952) 526). In space sizes for q = 1 leave 0.7 of the
-error of those for q = 3 on a stiffened panel, and the same error on parts without such edges.
+replace it (p the order of the elements, d the dimension). Among all sizes with the same total
+error, s = λ (η²)^(-1/(q + d)) with q = 2p takes the fewest cells (Ladevèze, Coffignal and Pelle,
+1986). But the largest errors are at inner edges, where the singularity determines q: 1.09 at a
+right angle (Williams, J. Appl. Mech. 19 (1952) 526). For solids, sizes with q = 1 leave 0.7 of the
+error left by q = 3 on a stiffened panel, and the same error on parts without inner edges.
 """
 
 from __future__ import annotations
@@ -86,7 +85,7 @@ LEAST_LINES = 8
 
 
 class Division:
-    """Error of the mesh of one part of beams or sheets, by the same mesh divided; on one rank."""
+    """Discretisation error of one part of beams or sheets, by its divided mesh; on one rank."""
 
     divided = True
 
@@ -96,7 +95,7 @@ class Division:
         self._matrices = matrices
 
     def missed(self, model: AntiOscillators) -> tuple[Array, Array | None]:
-        """(energies (p + N, p + N) [N/m] that a model's shapes lack by the mesh, surplus ones)."""
+        """(lacking, surplus or None) energies (p + N, p + N) [N/m] of the shapes, by the mesh."""
         fine, _motions, forces = self._shapes_and_loads(model)
         flexibility = forces.T @ elastic_response(fine, fine.factorize(forces.shape[1]), forces)
         lack, surplus = lacking_energies(model.stiffness, flexibility)
@@ -176,9 +175,9 @@ def divided_structure(matrices: PartsMatrices) -> Structure:
 
 
 def lacking_energies(stiffness: Array, flexibility: Array) -> tuple[Array, Array]:
-    """(lacking, surplus) parts (k, k) of `flexibility` - `stiffness`, the energies under the
-    shapes' loads on the divided mesh and of the shapes; reduced integration makes an element
-    soft."""
+    """(positive, negative) parts (k, k) of `flexibility` - `stiffness`: energies of the shapes'
+    loads on the divided mesh minus energies of the shapes. The second is not 0 if reduced
+    integration makes elements too soft."""
     size = np.sqrt(stiffness.diagonal())
     inverse_size = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     relative = inverse_size[:, None] * (flexibility - stiffness) * inverse_size
@@ -194,7 +193,7 @@ def lacking_energies(stiffness: Array, flexibility: Array) -> tuple[Array, Array
 
 
 def divided_mesh(mesh: Mesh) -> Mesh:
-    """The mesh on one rank with each cell divided into h; those of input cell c are h c + …"""
+    """The mesh on one rank with each cell divided into h; input cell c becomes h c to h c + h-1."""
     whole = gathered(mesh, np.zeros(mesh.n_cells))
     assert whole is not None  # on one rank
     return distributed(halved(whole[0]), mesh.name, mesh.comm)
@@ -231,14 +230,14 @@ def interpolation_matrix(part: MeshedStructure, fine: MeshedStructure) -> scipy.
 
 
 class MeshSource(ABC):
-    """Protocol: gives finer and finer meshes of one part; `coarsest` is the first one."""
+    """Protocol of a source of ever finer meshes of one part; `coarsest` is the first mesh."""
 
     #: why there is only one mesh; "" if there are more
     fixed = ""
     coarsest: Mesh
 
     def thickness(self) -> float:
-        """Twice the volume over the surface [m], which is the thickness of a thin wall."""
+        """Twice the volume divided by the surface [m]: the thickness of a thin wall."""
         return mean_thickness(self.coarsest)
 
     def extent(self) -> float:
@@ -261,7 +260,7 @@ class MeshSource(ABC):
 
 
 def mesh_source(source: str | Path | Mesh, order: int = 2) -> MeshSource:
-    """The source of meshes for a file or a mesh; `order`: of the cells that a geometry gets."""
+    """The source of meshes for a file or a mesh; `order`: order of the cells of a geometry."""
     path = None if isinstance(source, Mesh) else Path(source)
     if path is not None and path.suffix.lower() in GEOMETRY_ENDINGS:
         geometry = GeometryMeshes(path, order)
@@ -274,7 +273,7 @@ def mesh_source(source: str | Path | Mesh, order: int = 2) -> MeshSource:
 
 
 class GivenMesh(MeshSource):
-    """A given mesh: straight simplices are bisected; meshes of other cells stay as they are."""
+    """A given mesh: straight simplices are bisected; a mesh of other cells is not refined."""
 
     def __init__(self, mesh: Mesh) -> None:
         self.coarsest = mesh
@@ -286,7 +285,7 @@ class GivenMesh(MeshSource):
             )
 
     def thickness(self) -> float:
-        """Twice the volume over the surface [m]; of other cells than simplices least extent."""
+        """Twice the volume over the surface [m]; the least extent unless cells are simplices."""
         if self.coarsest.cell in KIND_OF_SHAPE:
             return super().thickness()
         low, high = bounds(self.coarsest.comm, self.coarsest.dolfinx.geometry.x)
@@ -297,12 +296,12 @@ class GivenMesh(MeshSource):
         return self.coarsest if self.fixed else refined_near(self.coarsest, refine)
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
-        """The mesh with those cells bisected whose `ratio` requires it."""
+        """The mesh with cells bisected where `ratio` (required over present size) requires it."""
         return refined(mesh, ratio)
 
 
 class GeometryMeshes(MeshSource):
-    """A geometry, which gmsh meshes anew for each mesh."""
+    """A geometry that gmsh meshes again for each request."""
 
     def __init__(self, path: Path, order: int) -> None:
         self._path = path
@@ -329,7 +328,7 @@ class GeometryMeshes(MeshSource):
         return self._meshed(coarse, size_field, FIRST_GRADING)
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
-        """The geometry meshed again: about Σ 1 / ratio^d cells; cells at the patch stay small."""
+        """The geometry meshed again with about Σ 1 / ratio^d cells; patches keep small cells."""
         cell_goal = mesh.comm.allreduce(float(np.sum(ratio ** -float(mesh.tdim))))
         size_field = wished_sizes(mesh, ratio)
         if size_field is not None:
@@ -340,7 +339,7 @@ class GeometryMeshes(MeshSource):
         return self._meshed(mesh, size_field, LATER_GRADING)
 
     def _meshed(self, like: Mesh, wished: SizeField | None, grading: Sequence[float]) -> Mesh:
-        """A mesh with the sizes `wished`, which grow by `grading`; dimension of `like`."""
+        """A mesh of the dimension of `like` with the sizes `wished`, which grow by `grading`."""
         raw = self._read(like.gdim, self._order, self._refine, wished, grading)
         for sentence in raw.remarks:
             if CORNERS_CUT_PHRASE in sentence:
@@ -368,7 +367,7 @@ class GeometryMeshes(MeshSource):
 
 
 class LineMeshes(MeshSource):
-    """A mesh of lines, all of which are halved, or a geometry of lines, which is meshed anew."""
+    """A mesh of lines, which are all halved, or a geometry of lines, which is meshed again."""
 
     def __init__(self, mesh: Mesh, path: Path | None = None) -> None:
         self.coarsest = mesh
@@ -391,7 +390,7 @@ class LineMeshes(MeshSource):
         return self._of_size(mesh)
 
     def _of_size(self, mesh: Mesh) -> Mesh:
-        """The mesh with lines of at most the present size: read again, or halved."""
+        """The mesh with lines of at most `_size`: the geometry meshed again, or lines halved."""
         if self._path is not None:
             return read_mesh(self._path, size=self._size, order=1, comm=self.coarsest.comm)
         while longest_line(mesh) > (1 + 1e-9) * self._size:
@@ -405,7 +404,7 @@ def longest_line(mesh: Mesh) -> float:
 
 
 def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
-    """Size field for `ratio` × present sizes, at corners the least of their cells; on rank 0."""
+    """Size field of `ratio` × present cell size, at a corner the least of its cells; rank 0."""
     whole = gathered(mesh, ratio * edge_lengths(mesh))
     if whole is None:
         return None
@@ -432,7 +431,7 @@ SEARCH_RANGE = 50.0
 
 def size_ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -> Array:
     """Ratios of new to old size, >= `LEAST_SIZE_RATIO`, of this rank's cells with errors η²
-    (cells,); `goal`: required over present sum of errors; `order`, `dim`: of the mesh."""
+    `energies` (cells,). `goal`: required over present error sum; `order`, `dim`: of the mesh."""
     from scipy.optimize import brentq  # loaded where it is used: it takes long
 
     total, count = comm.allreduce(np.array([energies.sum(), float(len(energies))]))
@@ -446,7 +445,7 @@ def size_ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: i
         return np.asarray(np.clip(exp(scale) * optimal, LEAST_SIZE_RATIO, LARGEST_SIZE_RATIO))
 
     def error_excess(scale: float) -> float:
-        """Total error for the logarithm `scale` over the present one, minus the goal."""
+        """Ratio of the total error for the logarithm `scale` to the present one, minus `goal`."""
         total_error = float(np.sum(sizes(scale) ** (2 * order) * energies))
         return float(comm.allreduce(total_error)) / total - goal
 
@@ -458,6 +457,6 @@ def size_ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: i
 
 
 def cell_growth(comm: MPI.Comm, ratio: Array, dim: int) -> float:
-    """Number of cells after a change of cell sizes by `ratio` (cells,), over the present number."""
+    """Factor by which the number of cells grows if cell sizes change by `ratio` (cells,)."""
     n_new, n_old = comm.allreduce(np.array([np.sum(ratio ** -float(dim)), float(len(ratio))]))
     return float(n_new / n_old)

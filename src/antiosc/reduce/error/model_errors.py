@@ -1,18 +1,18 @@
 """The error estimates that an extraction with error="estimate" adds to its models.
 
-Solids are judged by a recovery of their strains, beams and sheets by the same mesh with each cell
-divided.
+The error of solids is estimated by recovered strains, the error of beams and sheets by the same
+mesh with each cell divided.
 
-The compliance of a patch contains that of its half-space, which is subtracted from Hertz's law. The
-remainder does not depend on the radius if this is small against the local thickness and resolved by
-the mesh. A second radius measures the dependence.
+The compliance of a patch contains its half-space compliance, which the contact law subtracts. The
+remainder does not depend on the radius if the radius is small against the local thickness and the
+mesh resolves it. A patch of a second radius measures the dependence.
 
 The strain of each shape is projected (L2, consistent mass matrix) to continuous functions of degree
-one, separately on the cells of each stiffness (material and thickness), across which strains jump.
-The difference of the recovered and the discontinuous strain estimates the error (Zienkiewicz, Zhu,
-Int. J. Numer. Meth. Engng 24 (1987) 337). The mass matrix is solved by conjugate gradients with its
-diagonal, whose condition number does not depend on the mesh (Wathen, IMA J. Numer. Anal. 7 (1987)
-449). No form is compiled.
+one. Strains jump between materials and thicknesses, so each region of equal stiffness has its own
+projection. The difference of the recovered and the discontinuous strain estimates the error
+(Zienkiewicz, Zhu, Int. J. Numer. Meth. Engng 24 (1987) 337). Conjugate gradients with diagonal
+scaling solve the mass matrix; its scaled condition number does not depend on the mesh (Wathen, IMA
+J. Numer. Anal. 7 (1987) 449). No form is compiled.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ SMOOTH_ANGLES = 0.2, 40.0
 
 
 class Recovery:
-    """Error of the mesh of solids, single or joined, by recovered strains; joints are exact."""
+    """Discretisation error of solids, by recovered strains; joints of parts count as exact."""
 
     divided = False
 
@@ -77,7 +77,7 @@ class Recovery:
             _check_part(member.part)
 
     def missed(self, model: AntiOscillators) -> tuple[Array, None]:
-        """(energies (p + N, p + N) [N/m] of the errors of a model's shapes, None: no surplus)."""
+        """(error energies (p + N, p + N) [N/m] of a model's shapes, None for the surplus)."""
         fields = self._matrices.fields(np.asarray(model.shapes))
         grams = [error_energies(member.part, u) for member, u in fields]
         return np.sum(grams, axis=0), None
@@ -92,7 +92,7 @@ class Recovery:
 
 
 def _check_part(part: MeshedStructure) -> None:
-    """InputError for a part of a single cell, and for linear elements that lock."""
+    """InputError for a part of one cell, or of linear elements that lock."""
     if part.mesh.n_cells < 2:
         raise InputError(
             "the error 'estimate' compares neighbouring cells, and the mesh has one: give a"
@@ -118,7 +118,7 @@ def error_energies(part: MeshedStructure, shapes: Array) -> Array:
 
 
 def strain_errors(part: MeshedStructure, shapes: Array) -> Iterator[tuple[IntArray, Array]]:
-    """Yield (cells, R e √w (n, points · components, k)): e the strain errors, RᵀR the stiffness."""
+    """Yield (cells, R e √w (n, points · components, k)); e: strain errors, RᵀR: stiffness."""
     strains = Strains(part, shapes)
     k = shapes.shape[1]
     for root, cells in _regions(part):
@@ -214,7 +214,7 @@ class Projection:
         self._inverse = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
 
     def functions(self, block: slice) -> tuple[scipy.sparse.csr_matrix, Array]:
-        """(values of the functions at the points of some cells, weights (points, 1) of these)."""
+        """(values of the functions at the points of a block of cells, weights (points, 1))."""
         weights = self._weights[block].reshape(-1, 1)
         corners = np.repeat(self._corners[block], len(self._table), axis=0)
         values = np.tile(self._table, (len(corners) // len(self._table), 1))
@@ -223,7 +223,7 @@ class Projection:
         return scipy.sparse.csr_matrix(arrays, shape=(len(corners), self.size)), weights
 
     def solve(self, loads: Array) -> Array:
-        """Corner values, ghosts included, from this rank's `loads` (size, fields) ∫ f φ."""
+        """Corner values, ghosts included, for this rank's `loads` ∫ f φ (size, fields)."""
         loads = compat.ghosts_added(self._space, loads)
         start = self._dot(loads, self._inverse * loads)
 
@@ -253,7 +253,7 @@ FORESEEN_COUNT, BYTES_PER_DOF = 150, 52.0
 
 
 def _why_too_large(matrices: PartsMatrices) -> str:
-    """Why the mesh of a structure is too large to be refined uniformly; "" if it is not."""
+    """Reason why a structure's mesh is too large for uniform refinement; "" if it is not."""
     part = matrices.members()[0].part
     name = part.mesh.name
     finer = 2.0**part.mesh.tdim * part.rows
@@ -281,7 +281,7 @@ def _are_solids(matrices: PartsMatrices) -> bool:
 
 
 def refusal(matrices: PartsMatrices) -> str:
-    """Why the error of the mesh of a structure cannot be estimated; "" if it can."""
+    """Reason why a structure's discretisation error cannot be estimated; "" if it can."""
     if not matrices.assembled and matrices.members()[0].part.kind.name == "truss":
         return TRUSS_REFUSAL
     if _are_solids(matrices) and not (matrices.assembled and matrices.preload):
@@ -292,7 +292,7 @@ def refusal(matrices: PartsMatrices) -> str:
 
 
 class ModelErrors:
-    """The estimates of the mesh's error for the models of one structure."""
+    """Estimates of the discretisation error for the models of one structure."""
 
     def __init__(self, structure: Structure) -> None:
         if not structure.matrices.meshed:
@@ -301,7 +301,7 @@ class ModelErrors:
         self.skipped = refusal(self._matrices)  # why there is no estimate, told by bars, or ""
 
     def check(self) -> None:
-        """InputError for a structure whose models cannot have error bars at all."""
+        """InputError for a structure whose models cannot have error bars."""
         if self.skipped == TRUSS_REFUSAL:
             raise InputError(f"the error 'estimate' is of solids, beams, shells: {TRUSS_REFUSAL}")
         if not self.skipped:
@@ -315,7 +315,7 @@ class ModelErrors:
     def added_to(
         self, model: AntiOscillators, sites: Mapping[str, Functional], solver: Solver
     ) -> AntiOscillators:
-        """The model with its `strain_error`, and data of its sites for the budget in `info`."""
+        """The model with its `strain_error`, and in `info` its sites' data for the budget."""
         if self.skipped:
             return replace(model, info=replace(model.info, no_estimate=self.skipped))
         start_time = time.perf_counter()
@@ -349,7 +349,7 @@ class ModelErrors:
 
 
 def _not_included(part: MeshedStructure) -> str:
-    """Sentences on what the error of the mesh does not include; "" for straight solids."""
+    """Sentences that name errors the estimate does not include; "" for straight solids."""
     name = "shell" if part.kind.sheet else part.kind.name
     theory = "" if part.kind.outside else THEORY_NOTE.format(name)
     return " ".join(filter(None, [theory, flat_cells_note(part)]))
@@ -367,7 +367,7 @@ def _is_inside(part: MeshedStructure, site: Functional) -> bool:
 
 
 def flat_cells_note(part: MeshedStructure) -> str:
-    """A sentence if the straight cells of a mesh seem to approximate a curve; otherwise ""."""
+    """A sentence if straight cells of a mesh seem to approximate a curve, else ""."""
     mesh = part.mesh
     if mesh.order > 1:
         return ""
@@ -387,7 +387,7 @@ def flat_cells_note(part: MeshedStructure) -> str:
 
 
 def _angles(x: Array, corners: IntArray) -> Array:
-    """Angles (k,) [degree] between lines or faces with `corners` (n, v) of x that share a side."""
+    """Angles (k,) [degree] between neighbouring lines or faces of the `corners` (n, v) of x."""
     points = x[corners]
     along = points[:, -1] - points[:, 0]
 
@@ -416,7 +416,7 @@ WHOLE_LOAD_SHARE = 0.99
 
 
 def patch_of(matrices: PartsMatrices, site: Functional, solver: Solver) -> dict[str, float] | None:
-    """Data of a site's patch for the error budget, as in `ModelInfo.notes`; None: a point."""
+    """Data of a site's patch for the error budget, as in `ModelInfo.notes`; None for a point."""
     place = site.place
     if site.radius is None or place is None:
         return None

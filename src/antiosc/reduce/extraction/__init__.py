@@ -1,20 +1,20 @@
-"""Extraction; here the shapes with unit displacements at p sites: static, or rigid-body motions.
+"""Extraction. This module computes shapes of unit displacement at p sites, static or rigid.
 
 With B (n, p) the loads of the sites, A = K + sM and C = BᵀA⁻¹B, the limit s → 0 of A⁻¹B C⁻¹ is
 φ_st, φ_CR, or a mixture of both, whatever the supports. It is computed in the basis of loads
 B W = B L⁻ᵀU, with C = L Lᵀ and the singular value decomposition RᵀB L⁻ᵀ/√s = V Σ Uᵀ of the
-M-orthonormal rigid-body modes R. In this basis C is the identity, and every
-load moves at most one rigid-body mode of its own, with the share σ² of its compliance:
+M-orthonormal rigid-body modes R. In this basis C is the identity. Each load excites at most one
+rigid-body mode, which no other load excites; this mode makes up a share σ² of its compliance:
 
-    Φ_r = R V₁/(√s Σ₁)                        the q loads that move one, without a solve;
-    K Y₀ = B₀ - M R RᵀB₀,  C₀ = B₀ᵀY₀         the others, self-equilibrated;
+    Φ_r = R V₁/(√s Σ₁)                        q loads that excite a rigid-body mode: no solve;
+    K Y₀ = B₀ - M R RᵀB₀,  C₀ = B₀ᵀY₀         the other loads B₀, self-equilibrated;
     Φ = [Φ_r, Y₀C₀⁻¹ - Φ_r(B₁ᵀY₀C₀⁻¹)],       K0 = diag(0, C₀⁻¹).
 
-With one site that is φ_st = A⁻¹b/(bᵀA⁻¹b), or φ_CR = R Rᵀb/|Rᵀb|², which is M-orthogonal to the
+With one site, Φ is φ_st = A⁻¹b/(bᵀA⁻¹b) or φ_CR = R Rᵀb/|Rᵀb|². φ_CR is M-orthogonal to the
 rigid-body modes that vanish at the site, so that these drop out (Article, section 3.3). A
-rigid-body mode with a share below `RIGID_SHARE` is not one of Φ_r: its mass 1/(sσ²) would hide all
-others. The static modes are then those of the elastic motions.
-Displacements u of the sites are Wᵀu in this basis, and a matrix Z of it is W Z Wᵀ of the sites.
+rigid-body mode with a share below `RIGID_SHARE` is left out of Φ_r, since its mass 1/(sσ²) would
+hide all other masses; the static modes then contain elastic motions only.
+Displacements u of the sites become Wᵀu in this basis; a matrix Z in it is W Z Wᵀ at the sites.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ EQUAL_PIVOTS = 0.5
 
 @dataclass(frozen=True)
 class SiteShapes:
-    """Shapes Φ of unit displacements at p ≥ 1 independent sites; the sites' loads are B W."""
+    """Shapes Φ of unit displacements at p ≥ 1 independent sites, for the basis of loads B W."""
 
     kept: IntArray  # (p,) numbers of the independent columns of B
     #: (c, p) displacements at all columns for unit displacements at the independent ones
@@ -85,11 +85,11 @@ class SiteShapes:
         return np.linalg.inv(self.compliance)
 
     def constrained(self, comm: MPI.Comm, x: Array) -> Array:
-        """x − Y (BᵀY)⁻¹Bᵀx (rows, k): x after forces at the sites are added that hold these."""
+        """x − Y (BᵀY)⁻¹Bᵀx (rows, k): x with forces added at the sites that keep these at rest."""
         return np.asarray(x - self.y @ (self._inverse_compliance @ dot(comm, self.load, x)))
 
     def at(self, solver: Solver, shift: float) -> SiteShapes:
-        """The same with the `solver` of A = K + sM for another `shift` s [rad²/s²]."""
+        """These shapes with the `solver` of A = K + sM at another `shift` s [rad²/s²]."""
         y = solver.solve_checked(self.load)
         compliance = dot(solver.comm, self.load, y)
         return replace(self, y=y, compliance=compliance, solver=solver, shift=shift)
@@ -159,7 +159,7 @@ def site_shapes(structure: Structure, solver: Solver, B: Array) -> SiteShapes:
 def _site_basis(
     structure: Structure, solver: Solver, B: Array
 ) -> tuple[IntArray, Array, Array, Array, Array, Array]:
-    """(independent columns, dependence, W, A⁻¹BW, V, σ (p,)) of the module and `SiteShapes`."""
+    """(independent columns, dependence, W, A⁻¹BW, V, σ (p,)) as in the module's docstring."""
     comm = structure.comm
     R = structure.rigid_modes
     root = np.sqrt(structure.shift) or 1.0
@@ -187,8 +187,8 @@ def _site_basis(
 
 
 def independent_loads(C: Array) -> tuple[IntArray, Array]:
-    """(independent columns (p,) of a compliance C (c, c), displacements (c, p) of all columns for
-    unit displacements of these), by pivoted Cholesky."""
+    """Pivoted Cholesky of a compliance C (c, c): (numbers (p,) of its independent columns,
+    displacements (c, p) of all columns for unit displacements of the independent ones)."""
     size = np.sqrt(np.maximum(C.diagonal(), 0.0))
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     unit = C * scale[:, None] * scale
@@ -210,7 +210,7 @@ def independent_loads(C: Array) -> tuple[IntArray, Array]:
 
 
 def elastic_response(structure: Structure, solver: Solver, loads: Array) -> Array:
-    """Elastic displacements (rows, k) under `loads`, M-orthogonal to rigid motions, in balance."""
+    """Elastic displacements (rows, k) under balanced `loads`, M-orthogonal to rigid motions."""
     comm = structure.comm
     R = structure.rigid_modes
     if not R.shape[1]:

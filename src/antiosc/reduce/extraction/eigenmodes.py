@@ -1,7 +1,7 @@
-"""Constraint modes: Kφ = ω²Mφ in the space Bᵀφ = 0, on the structure's one factorization.
+"""Constraint modes: Kφ = ω²Mφ in the space Bᵀφ = 0, by one factorization of the structure.
 
-With A = K + sM and Y = A⁻¹B, B the loads of one site or several, the solution of A x = r under Bᵀx
-= 0 is A⁻¹r − Y (BᵀY)⁻¹BᵀA⁻¹r. Krylov eigensolvers (SLEPc's, or SciPy's ARPACK) use this operator as
+Let B be the loads of the sites, A = K + sM and Y = A⁻¹B. The solution of A x = r under Bᵀx = 0 is
+A⁻¹r − Y (BᵀY)⁻¹BᵀA⁻¹r. Krylov eigensolvers (SLEPc's, or SciPy's ARPACK) use this operator as
 their shift-and-invert transformation. No row is deleted and there is only one factorization.
 Without the constraint the same solver computes the natural modes of the structure.
 """
@@ -58,12 +58,12 @@ EQUIVALENT_SITES = 3.0
 def _by_arpack(
     structure: Structure, known: Array, wanted: int, computed: int, start: Array, inverse: Inverse
 ) -> tuple[Array, Array]:
-    """(ω² [rad²/s²] (k,), shapes (rows, k)) of `wanted` of `computed` lowest modes, M-orthogonal to
-    `known` (rows, m), unsorted; `start` (rows,): in the range of the `inverse`."""
+    """(ω² [rad²/s²] (k,), shapes (rows, k)), unsorted, of the `wanted` lowest modes M-orthogonal to
+    `known` (rows, m). `start` (rows,) is a vector in the range of `inverse`."""
     known_loads = multiply(structure.M, known)
 
     def deflated(r: Array) -> Array:
-        """The operator for ARPACK."""
+        """A⁻¹r without the components along the known modes: the operator for ARPACK."""
         x = inverse(r)
         return np.asarray(x - known @ (known_loads.T @ x))
 
@@ -90,7 +90,7 @@ def _by_arpack(
 def _by_slepc(
     structure: Structure, known: Array, wanted: int, computed: int, start: Array, inverse: Inverse
 ) -> tuple[Array, Array]:
-    """The same by Krylov–Schur, over all ranks."""
+    """As `_by_arpack`, by SLEPc's Krylov–Schur method over all ranks."""
     from petsc4py import PETSc
     from slepc4py import SLEPc
 
@@ -143,7 +143,7 @@ def _by_slepc(
 
 
 def _petsc_vector(K: PETSc.Mat, values: Array) -> PETSc.Vec:
-    """A PETSc vector of the layout of K with these values on this rank."""
+    """A PETSc vector with the parallel layout of K and `values` on this rank."""
     x = K.createVecRight()
     x.setArray(values)
     return x
@@ -168,7 +168,7 @@ CONSTRAINT_RESIDUAL = 1e-3
 
 @dataclass(frozen=True)
 class Modes:
-    """The lowest modes of a search by ascending frequency."""
+    """The lowest modes found, in ascending order of frequency."""
 
     #: circular frequencies (k,), rad/s: antiresonances of the site if it is constrained
     omega: Array
@@ -176,14 +176,14 @@ class Modes:
     phi: Array
     #: whether these are all modes that the structure has
     complete: bool
-    #: of a Krylov space, what bounds the motion outside it
+    #: data that bound the motion outside the Krylov space; None for another method
     recurrence: Recurrence | None = None
 
 
 class ModeSolver:
     """Finds the lowest elastic modes in rounds: natural modes, or constraint modes.
 
-    `held`: shapes of the sites at which the constraint modes vanish; None: natural modes.
+    `held` gives the sites at which constraint modes vanish; with None it finds natural modes.
     """
 
     def __init__(self, structure: Structure, held: SiteShapes | None = None) -> None:
@@ -203,7 +203,7 @@ class ModeSolver:
         enough: Callable[[Modes], bool] = lambda modes: True,
         most: float = math.inf,
     ) -> Modes:
-        """The lowest modes, at least `count`: more until `enough(modes)`, or all, or `most`."""
+        """At least `count` lowest modes, and more until `enough(modes)` or `most` is reached."""
         modes = self._at_least(count)
         while not (modes.complete or len(modes.omega) >= most or enough(modes)):
             known = len(modes.omega)
@@ -211,7 +211,7 @@ class ModeSolver:
         return modes
 
     def _at_least(self, count: int) -> Modes:
-        """The lowest modes, `count` at least; those found before are not computed again."""
+        """At least `count` lowest modes; modes found in earlier rounds are not computed again."""
         count = min(count, self.limit)
         if self._found.complete or len(self._found.omega) >= count:
             return self._found
@@ -229,9 +229,9 @@ class ModeSolver:
         return self._found
 
     def _by_krylov(self, count: int) -> Modes:
-        """Another round of the search, orthogonal to known modes. Where equal parts end the Krylov
-        space early, shapes of large residuals are rejected, and found by LAPACK or one more
-        search."""
+        """Search another round of modes, orthogonal to the known ones. Repeated parts may end the
+        Krylov space early: shapes with large residuals are then rejected, and the modes are found
+        by LAPACK or one more search."""
         structure = self._structure
         found_modes = self._found
         known_count = len(found_modes.omega)
@@ -271,7 +271,7 @@ class ModeSolver:
         return self._by_krylov(count)
 
     def _inverse(self, r: Array) -> Array:
-        """A⁻¹r for loads r (rows,) or (rows, k), with the sites at rest if they are constrained."""
+        """A⁻¹r for loads r (rows,) or (rows, k); constrained sites are kept at rest."""
         block = r[:, None] if r.ndim == 1 else r
         x = self._structure.factorize().solve_block(block).reshape(r.shape)
         return x if self._held is None else self._held.constrained(self._structure.comm, x)
@@ -307,7 +307,7 @@ class ModeSolver:
 def _dense_modes(
     K: Matrix, M: Matrix, parts: list[tuple[IntArray, Array]], sigma: float
 ) -> tuple[Array, Array]:
-    """(ω ascending, shapes) of all modes, from the (free rows, conditions on them) of each rank."""
+    """(ω ascending, shapes) of all modes; `parts`: (free rows, constraints on them) by rank."""
     free, conditions = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     stiffness, mass = (matrix[free][:, free].toarray() for matrix in (K, M))
     conditions = conditions / np.linalg.norm(conditions, axis=0)
@@ -339,7 +339,7 @@ def residuals(structure: Structure, modes: Modes, sites: SiteShapes | None = Non
 
 
 def rounding_residuals(structure: Structure, modes: Modes) -> Array:
-    """Relative residuals (k,) that rounding of K alone causes; large for slender parts."""
+    """Relative residuals (k,) caused by rounding of K alone; they are large for slender parts."""
     entries = diagonal(structure.K)[:, None]
     signs = np.random.default_rng(0).choice([-1.0, 1.0], modes.phi.shape)
     rounded = float(np.finfo(float).eps) * signs * entries * modes.phi
@@ -367,9 +367,9 @@ def _polished(structure: Structure, modes: Modes) -> Modes:
 def polish(
     phi: Array, strains: Callable[[Array], Array], masses: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
-    """(ω², φ) of a dense eigensolver, which errs by ε times the highest ω², improved by a step of
-    Ogita and Aishima (Japan J. Indust. Appl. Math. 35 (2018) 1007); by `strains`, `masses`: φ ->
-    φᵀKφ, φᵀMφ."""
+    """(ω², φ) improved by two steps of Ogita and Aishima (Japan J. Indust. Appl. Math. 35 (2018)
+    1007): a dense eigensolver errs in ω² by ε times the highest ω². `strains` and `masses` are the
+    functions φ -> φᵀKφ and φ -> φᵀMφ."""
     poles = np.zeros(phi.shape[1])
     for _ in range(2):
         strain, mass = (_symmetric(products(phi)) for products in (strains, masses))
@@ -382,12 +382,12 @@ def polish(
 
 
 def _symmetric(products: Array) -> Array:
-    """The symmetric part; the other part is rounding, which a small gap of ω² would amplify."""
+    """Symmetric part: the skew part is rounding, which closely spaced ω² would amplify."""
     return (products + products.T) / 2
 
 
 def _polish_step(strain: Array, mass: Array) -> tuple[Array, Array, Array]:
-    """(ω² (k,), step T (k, k) of `polish`, mask (k, k) of close pairs) from φᵀKφ and φᵀMφ."""
+    """(ω² (k,), correction T (k, k) with φ + φT improved, mask (k, k) of pairs of close modes)."""
     mass_error = mass - np.eye(len(mass))
     poles = np.diag(strain) / np.diag(mass)
     gap = poles[:, None] - poles
@@ -398,7 +398,7 @@ def _polish_step(strain: Array, mass: Array) -> tuple[Array, Array, Array]:
 
 
 def _close_separated(strain: Array, mass: Array) -> Array:
-    """Combinations (k, k) that diagonalise φᵀKφ and φᵀMφ within groups of close modes."""
+    """Matrix (k, k) that diagonalises φᵀKφ and φᵀMφ within each group of close modes."""
     turned = np.eye(len(mass))
     groups, group_of = connected_components(_polish_step(strain, mass)[2], directed=False)
     for group in range(groups):

@@ -80,8 +80,8 @@ def _model_at(
     spent: float,
     errors: ModelErrors | None,
 ) -> AntiOscillators:
-    """The model of a group of sites by factors of K + sM and `expanded`; the sites took `spent`
-    s."""
+    """The model of a group of sites. `solver` factorizes K + sM at the structure's shift;
+    `expanded`: another (solver, shift); `spent`: time taken to find the sites [s]."""
     start_time = time.perf_counter()
     terms = structure.matrices.dissipation()
     refused = {
@@ -136,7 +136,7 @@ def _model_at(
 
 
 def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete: bool) -> None:
-    """Warn of missing modes, unconverged frequencies, and a band that is not reached or too low."""
+    """Warn of missing or unconverged modes, and of a band not reached or below the first mode."""
     if options.band is None and model.n < options.n and not complete:
         warn(
             f"only {model.n} of the first {model.info['modes_computed']} modes are observable at "
@@ -219,8 +219,8 @@ def extract(
         A mapping gives one model with several sites, which a `Scene` takes. A sequence gives one
         model for each site; all share one factorization.
     n : int, optional
-        Number of anti-oscillators, default 20; with `band` the largest number. The result has fewer
-        if the structure has fewer observable modes at the site.
+        Number of anti-oscillators, default 20; with `band` the largest number. The model has fewer
+        if fewer modes of the structure are observable at the site.
     method : "krylov" or "modes"
         "krylov": the most accurate Z(ω) for n solves. The lower anti-oscillators (`info.converged`
         of them) have converged to antiresonances of the structure; the upper ones represent all
@@ -228,40 +228,40 @@ def extract(
     tol : float, optional
         Share in |Z| at the frequency of a mode, at 1 % damping, below which the mode is
         unobservable: it is not counted, and its mass is added to m0. Default: a hundredth of
-        `accuracy`. At a site of symmetry an uneven mesh gives every mode that the symmetry hides a
-        little mass.
+        `accuracy`. At a site on a plane of symmetry, an unsymmetric mesh gives a little mass to
+        antisymmetric modes.
     band : float, optional
         Highest frequency of interest, Hz (see `impact_band`); for method="krylov", not with
         dampers. The number of anti-oscillators is chosen so that the error of Z(ω) up to it is at
         most `accuracy`.
     accuracy : float
         Largest |ΔZ|/|Z| over the band, at 1 % damping. `info["band"]["error_bound"]` is the bound
-        that was reached, 2e-6 at least for rounding. For several sites: the largest relative
-        error of their displacements under any forces, in units in which their compliances are the
-        identity, ‖H ΔZ‖₂, from `info["band"]["bottom"]` [Hz] on.
+        that was reached, at least 2e-6 because of rounding. For several sites: ‖H ΔZ‖₂, the
+        largest relative error of their displacements under any forces, scaled so that their
+        compliance matrix is the identity, from `info["band"]["bottom"]` [Hz] on.
     shapes : bool
-        Store the shapes, from which displacement fields are computed, n + 1 vectors for each site.
+        Store the shapes (n + 1 vectors for each site), from which fields are computed.
     error : "estimate", optional
         Estimate the error of the mesh: the model gets its `strain_error`, so that `corrected()`
-        and the `error_budget` of a `simulate` are available. Solids, joined too, beams and shells.
-        It takes at most one further solve (of beams, and of shells of quadrilaterals, one on a mesh
-        of half the size; a mesh that is too large for it, and other assemblies, have a model
-        without, whose bars hold the other causes and say so).
+        and the `error_budget` of a `simulate` are available, for solids (also assemblies of them),
+        beams and shells. It takes at most one further solve; for beams and quadrilateral shells
+        the solve is on a mesh of half the cell size. If that mesh is too large, and for other
+        assemblies, there is no estimate: the error bars then hold the other causes and say so.
     stretch : int, "auto" or False
         Number of modes with second-order forces: a sheet or a beam with fixed edges stretches as it
         bends, which stiffens it; a curved sheet is softer where it is pushed toward flat. "auto":
-        each impact takes as many modes as it needs, none if they do not matter. The model has them
-        as `stretch`; only `simulate` and `Scene.run` take them into account. Shell, Laminate,
-        Solid, AnisotropicSolid and Beam, of one mesh.
+        each impact takes as many modes as it needs, none if they do not matter. The model stores
+        them as `stretch`; only `simulate` and `Scene.run` use them. For meshes of Shell, Laminate,
+        Solid, AnisotropicSolid and Beam.
     expansion : float, optional
-        Frequency f of the expansion point s = 2πf of the Krylov space, Hz, for method="krylov"; by
-        default it is static. The response converges first to times about 1/s: blows that are over
-        before the waves they make return from the edges need fewer anti-oscillators about the
-        inverse of their contact time. It takes a second factor.
+        Frequency f of the expansion point s = 2πf of the Krylov space, Hz, for method="krylov";
+        default: static. The response converges first at times of about 1/s. An impact that is over
+        before its waves return from the edges needs fewer anti-oscillators with an s of about the
+        inverse of its contact time. It takes a second factorization.
     proof : bool or float
-        Store what `simulate(..., proof=True)` needs to bound the force by: one Krylov step more.
-        A number is the contact time [s] of the blow (`contact_time` of a
-        first run), from which the expansion that makes the bounds narrow follows.
+        Store the data with which `simulate(..., proof=True)` bounds the force; it takes one more
+        Krylov step. A number is the contact time [s] of the impact (`contact_time` of a first
+        run), from which the expansion point that makes the bounds narrow is computed.
     damping : float, sequence of float, or Damping, optional
         Damping ratio of all elastic free modes of the model, ratios of the modes in ascending order
         (the last one for all higher modes), or a `Damping`.
@@ -269,9 +269,9 @@ def extract(
     Returns
     -------
     AntiOscillators, or a list of them for a sequence of sites
-        A site that cannot move independently of those before it (for instance a second site on a
-        rigid part) follows them: `dependence` of the model. `info` holds the numbers of modes that
-        were found and dropped, and the checks. If the share of the rigid-body modes in the
+        A site that cannot move independently of earlier ones (for instance a second site on a
+        rigid part) follows them by the model's `dependence`. `info` holds the numbers of modes
+        found and dropped, and the checks. If the share of the rigid-body modes in the
         compliance of the site (`rigid_share`) is below 1e-5, they are left out, and k0 > 0.
 
     Raises
@@ -353,7 +353,7 @@ def _checked_options(
     proof: bool | float,
     error: ErrorOption,
 ) -> ExtractOptions:
-    """The options after a check; InputError for invalid ones, or too much memory."""
+    """The checked options; InputError if one is invalid, OutOfMemoryError if n needs too much."""
     instance("structure", structure, Structure, "a Structure")
     choice("error", error, (None, "estimate"))
     choice("method", method, get_args(Method))
@@ -391,7 +391,7 @@ def _checked_options(
 
 
 def _checked_sites(site: object) -> list[dict[str, Site]]:
-    """Sites by name ("" without a name) of each model that the argument `site` asks for."""
+    """Sites by name ("" if unnamed) for each model that the argument `site` requests."""
     if isinstance(site, Mapping):
         if not site:
             raise InputError("site names no site: give a Site for each name.")

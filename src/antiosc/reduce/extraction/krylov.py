@@ -74,8 +74,8 @@ EXTRA_STEPS = 20
 
 
 class Lanczos:
-    """Block Lanczos recurrence of a model of p ≥ 1 sites: vectors V, at rest there, VᵀAV = 1, H =
-    VᵀMV, next right-hand sides `load` (rows, k), number `applied` of vectors with T applied."""
+    """Block Lanczos recurrence for p ≥ 1 sites: vectors V that vanish at the sites, VᵀAV = 1, H =
+    VᵀMV. `load` (rows, k): next right-hand sides; `applied`: number of vectors with known TV."""
 
     def __init__(
         self,
@@ -124,8 +124,8 @@ class Lanczos:
         return self._V[:, self._locked : self._locked + self.steps]
 
     def _add(self, w: Array, load: Array, size: float) -> float:
-        """Add w = A⁻¹ load to the basis, or return a bound on its length where the energy is below
-        `size`."""
+        """Orthogonalise w = A⁻¹ load and add it to the basis (returns 0), or drop it if nothing is
+        left of its energy (returns a bound on its length); `size`: least scale of energies."""
         k = self._locked + self.steps
         V = self._V[:, :k]
         w = self._held_at_sites(w)
@@ -151,11 +151,11 @@ class Lanczos:
         return 0.0
 
     def _held_at_sites(self, w: Array) -> Array:
-        """w (rows,) with the response to those forces at the sites by which these do not move."""
+        """w (rows,) plus the response to the forces that keep the sites at rest."""
         return self._static.constrained(self._comm, w)
 
     def ritz(self, n: int) -> tuple[Array, Array]:
-        """(θ = 1/(ω² + s), descending, eigenvectors) of T on n vectors; θ = 0: rounding."""
+        """(θ = 1/(ω² + s) descending, eigenvectors) of T on n vectors; θ <= rounding becomes 0."""
         H = self.H[:n, :n]
         theta, eigenvectors = np.linalg.eigh(H)
         noise = int(np.sum(theta <= ROUNDED_THETA * theta[-1])) if n else 0
@@ -222,8 +222,8 @@ class Lanczos:
         return int(np.sum(shares_at_sites(self._static.k0, m0, P, poles) > tol))
 
     def with_recurrence(self, modes: Modes) -> Modes:
-        """The modes with their `Recurrence` by one more step; none for inexact solves, dampers,
-        sites whose space is exhausted, and omitted rigid-body modes that move the sites."""
+        """The modes with their `Recurrence`, from one more step. It is left out for inexact solves,
+        dampers, several sites of an exhausted space, and omitted rigid-body modes that move one."""
         static, solver = self._static, self._solver
         omitted = np.abs(static.missed * np.sqrt(static.mass.diagonal())).max(initial=0.0)
         if solver.error > COUPLING_ROUNDING or self._terms or omitted > COUPLING_ROUNDING:
@@ -280,9 +280,9 @@ def by_krylov(
     terms: Sequence[Dissipation] = (),
     proof: bool = False,
 ) -> tuple[Modes, Remainder | None]:
-    """(modes, with a band the bound on their truncation error): `n` modes with shares above `tol`
-    in Z, or for a `band` [rad/s] as few blocks as reach the `accuracy`; `proof`: with their
-    recurrence."""
+    """(modes, bound on their truncation error or None without a band): `n` modes with shares above
+    `tol` in Z, or with a `band` [rad/s] the fewest blocks that reach the `accuracy`. With `proof`
+    the modes have their recurrence."""
     # room for a few more than are wanted: the system gives memory only to what is written
     run = Lanczos(structure, static, (n if band is None else 0) + BASIS_STEP, terms)
     count = 0 if band is None and n == 0 else None
@@ -304,7 +304,7 @@ def by_krylov(
 def _kept_count(
     run: Lanczos, before: int, n: int, tol: float, band: float | None, accuracy: float, damped: bool
 ) -> int | None:
-    """Number of vectors for the model, None: continue. `before`: that before the last block."""
+    """Number of vectors to keep, None to continue; `before`: number before the last block."""
     if damped:  # also vectors that move dampers but no site
         return min(n, run.steps) if run.steps >= n or run.exhausted else None
 

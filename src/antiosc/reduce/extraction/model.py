@@ -4,10 +4,10 @@ All matrices are in the basis of loads of `SiteShapes`, in which the compliances
 are the identity.
 
 The error of Z at every damped frequency of a band is the sum of the truncation error of the method
-(`Remainder`), of the unobservable modes that were dropped and the repeated ones that were merged,
-and of the limited number of anti-oscillators. ‖ΔZ‖₂‖Z⁻¹‖₂ bounds the relative error of the
-displacements of the sites under any forces on them, for one site |ΔZ|/|Z|. No bound is
-below what rounding leaves (`LEAST_BOUND`); the checks of the modes tell of more.
+(`Remainder`) and the errors from dropping unobservable modes, merging repeated ones and limiting
+the number of anti-oscillators. ‖ΔZ‖₂‖Z⁻¹‖₂ (for one site |ΔZ|/|Z|) bounds the relative error of
+the displacements of the sites under any forces on them. No bound is below the effect of rounding
+(`LEAST_BOUND`); the checks of the modes detect larger rounding.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class ConstraintModes:
 
 
 def constraint_modes(structure: Structure, static: SiteShapes, modes: Modes) -> ConstraintModes:
-    """The modes with projections of the static shapes; m0 is found without cancellation."""
+    """The modes with projections of the static shapes; m0 is computed without cancellation."""
     comm = structure.comm
     phi = modes.phi
     residual = static.phi
@@ -133,8 +133,8 @@ def constraint_modes(structure: Structure, static: SiteShapes, modes: Modes) -> 
 def _residual_forces(
     structure: Structure, static: SiteShapes, omega: Array, k_phi: Array, m_phi: Array
 ) -> Array:
-    """Residual forces (n,) of the modes without reactions at sites, over the forces K φ. `k_phi`,
-    `m_phi` (rows, n): K φ and M φ, which are changed."""
+    """Relative residuals (n,) ‖K φ - ω² M φ - reactions at the sites‖ / ‖K φ‖ of modes. `k_phi` and
+    `m_phi` (rows, n), K φ and M φ, are overwritten."""
     sizes = static.solver.force_sizes
     size = sizes(k_phi)
     m_phi *= omega**2
@@ -160,7 +160,7 @@ class Selection:
 
 
 def select_observable(known: ConstraintModes, n: int, tol: float) -> Selection:
-    """The n lowest anti-oscillators with a share above `tol` in Z; the others' mass joins m0."""
+    """The n lowest anti-oscillators with a share above `tol` in Z; m0 takes the other masses."""
     static = known.static
     omega = known.modes.omega
     start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED_DISTANCE * omega)
@@ -190,7 +190,7 @@ def select_observable(known: ConstraintModes, n: int, tol: float) -> Selection:
 
 
 def select_lowest(known: ConstraintModes, n: int) -> Selection:
-    """The n lowest modes, whatever their share: dampers move some that no site moves."""
+    """The n lowest modes of any share in Z: dampers excite modes that no site observes."""
     order = np.argsort(known.poles, kind="stable")
     order = order[known.poles[order] > 0][:n]
     P = known.P[order]
@@ -211,7 +211,7 @@ def select_lowest(known: ConstraintModes, n: int) -> Selection:
 
 
 def _distinct_motions(known: ConstraintModes, group: IntArray) -> Array:
-    """Combinations (g, k) of g modes of equal frequency with independent site motions."""
+    """Combinations (g, k) of g modes of equal frequency that move the sites independently."""
     if len(group) < 2:
         return np.eye(len(group))
 
@@ -229,7 +229,7 @@ def _distinct_motions(known: ConstraintModes, group: IntArray) -> Array:
 
 
 def by_modes(structure: Structure, static: SiteShapes, n: int, tol: float) -> Modes:
-    """The lowest constraint modes, as many as have n observable ones."""
+    """The lowest constraint modes, enough of them to contain n observable ones."""
 
     def enough(modes: Modes) -> bool:
         """Whether n modes are observable, or no mass is left for others."""
@@ -243,7 +243,7 @@ def by_modes(structure: Structure, static: SiteShapes, n: int, tol: float) -> Mo
 def error_bound(
     known: ConstraintModes, remainder: Remainder, selected: Selection, band: float
 ) -> tuple[float, float]:
-    """(bound on ‖HZ_true - 1‖₂ and its inverse, lowest frequency [rad/s]) up to `band` [rad/s]."""
+    """(bound on ‖HZ_true - 1‖₂ and ‖(HZ_true)⁻¹ - 1‖₂, lowest [rad/s]) up to `band` [rad/s]."""
     static = known.static
     lowest = lowest_frequency_at_sites(static.k0, static.mass, selected.omega**2)
     x = sample_frequencies(band, lowest, SAMPLE_STEP) ** 2
@@ -271,7 +271,7 @@ def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array)
 
 
 def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
-    """Spectral radius (N,) of Z⁻¹ΔZ at each damped pole, ΔZ the change without its mode."""
+    """Spectral radius (N,) of Z⁻¹ΔZ at each damped pole; ΔZ: change of Z without its mode."""
     share = np.zeros(len(poles))
     positive = np.flatnonzero(poles > 0)
     for i in np.split(positive, range(FREQUENCIES_AT_ONCE, len(positive), FREQUENCIES_AT_ONCE)):
@@ -293,14 +293,14 @@ def lowest_frequency_at_sites(k0: Array, m_st: Array, poles: Array) -> float:
 
 
 def spectral_norms(matrices: Numbers) -> Array:
-    """2-norms (W,) of matrices (W, m, n); 0 of empty ones."""
+    """2-norms (W,) of matrices (W, m, n); 0 for empty matrices."""
     if 0 in matrices.shape:
         return np.zeros(len(matrices))
     return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)))
 
 
 def semidefinite(matrix: Array) -> Array:
-    """The symmetric matrix (p, p), negative eigenvalues, which are rounding, set to zero."""
+    """The symmetric matrix (p, p) with its negative eigenvalues (rounding) set to zero."""
     scale = np.sqrt(np.maximum(matrix.diagonal(), 0.0))
     unit = matrix / np.where(scale > 0, scale, 1.0)[:, None] / np.where(scale > 0, scale, 1.0)
     unit[scale == 0] = 0.0
@@ -335,7 +335,7 @@ def info_of_model(
     if info.thickness is None:
         return info
 
-    # that of sheets at the sites; the structure's least one at others
+    # the least thickness of the sheets at the sites, or of the structure
     least = info.thickness
     materials = [site.place.material for site in sites.values() if site.place is not None]
     found = [getattr(getattr(one, "section", None), "thickness", least) for one in materials]
@@ -345,7 +345,7 @@ def info_of_model(
 def model_of(
     structure: Structure, sites: Sites, static: SiteShapes, selected: Selection, info: ModelInfo
 ) -> AntiOscillators:
-    """The model of p ≥ 1 sites; it takes the shapes of `selected` and changes them in place."""
+    """The model of p ≥ 1 sites; for one site the shapes of `selected` are scaled in place."""
     found = list(sites.values())
     names = () if UNNAMED_SITE in sites else tuple(sites)
     directions = [site.directions for site in found if site.directions is not None]
@@ -403,7 +403,7 @@ def model_of(
 def _stiffening(
     structure: Structure, sites: Sequence[str], k0: Array, shapes: Array
 ) -> dict[str, float] | None:
-    """Relative change of the force per metre at each site; None but for supported curved sheets."""
+    """Relative change of force per metre at each site; None except on supported curved sheets."""
     matrices = structure.matrices
     if not matrices.meshed or matrices.assembled or structure.rigid_modes.shape[1]:
         return None
@@ -422,7 +422,7 @@ def _stiffening(
 
 
 def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
-    """Inertia of a body that moves rigidly, with the momenta of its shapes; None for others."""
+    """Inertia with the momenta of `shapes`; None for a body without rigid-body motion."""
     if structure.rigid_inertia is None:
         return None
     inertia, loads = structure.rigid_inertia
@@ -430,23 +430,23 @@ def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
 
 
 def generalised_masses(structure: Structure, shapes: Array) -> Array | None:
-    """Generalised masses (k, 3) of shapes for unit accelerations along x, y, z; or None."""
+    """Generalised masses (k, 3) of shapes for unit accelerations along x, y, z; None if unknown."""
     loads = [structure.uniform_inertia(axis) for axis in np.eye(3)]
     if any(load is None for load in loads):
         return None
     return np.asarray(dot(structure.comm, shapes, np.column_stack(loads)))  # type: ignore[arg-type]
 
 
-#: Share of the damping of the model by which dampers may brake motions that it has not.
+#: Largest damping of motions that the model lacks, as a share of the model's damping.
 UNDAMPED_SHARE = 1e-12
 
 
 def with_damping(
     structure: Structure, model: AntiOscillators, static: SiteShapes, terms: Sequence[Dissipation]
 ) -> AntiOscillators:
-    """The model with damping `terms` and loss factors by modal strain energy, ζ_j = Σ η_m U_jm/(2
-    U_j) (E. Ungar, E. Kerwin, *J. Acoust. Soc. Am.* 34 (1962) 954); InputError for motions it
-    lacks."""
+    """The model with damping `terms`, and loss factors by modal strain energy, ζ_j = Σ η_m U_jm/(2
+    U_j) (E. Ungar, E. Kerwin, *J. Acoust. Soc. Am.* 34 (1962) 954). InputError if a damper brakes a
+    rigid-body motion that the model lacks."""
     body = model.free_modes
     assert body.basis is not None
     assert body.shape is not None

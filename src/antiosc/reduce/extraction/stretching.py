@@ -9,8 +9,8 @@ response, the energy to fourth order in a is
 v = -Σ a_i a_j K⁻¹g_ij, minus its components along the φ so that φᵀKv = 0: one solve for each pair,
 with the existing factor (static modal derivatives: S. Idelsohn, A. Cardona, *Comput. Methods Appl.
 Mech. Eng.* 49 (1985) 253; condensed: J. Hollkamp, R. Gordon, *J. Sound Vib.* 318 (2008) 1139). The
-quadratic forces are g_ijᵀφ_k, symmetric in all three. About a static state q under a prestress ε(u)
-is ε(u) + η(q, u).
+quadratic forces are g_ijᵀφ_k, which are symmetric in i, j and k. About a static state q under a
+prestress, ε(u) + η(q, u) replaces ε(u).
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def pair_count(count: Count) -> int:
 def with_stretch(
     structure: Structure, solver: Solver, model: AntiOscillators, count: Count
 ) -> AntiOscillators:
-    """The model with second-order forces of `count` modes that its sites move most, plus two."""
+    """The model with second-order forces of the `count` + 2 modes that its sites excite most."""
     if model.shapes is None:
         raise InputError("stretch needs the shapes of the model: extract it with shapes.")
     body = model.free_modes
@@ -72,7 +72,7 @@ def with_stretch(
 
 
 class _PartMotions(NamedTuple):
-    """A part: its Gauss points, its dofs in u, derivatives (points, d, b) of motions."""
+    """A part's Gauss points, its dofs in u, and the gradients (points, d, b) of its motions."""
 
     points: PartPoints
     rows: slice
@@ -82,8 +82,8 @@ class _PartMotions(NamedTuple):
 def _second_order(
     structure: Structure, motions: Array, pairs: list[tuple[int, int]]
 ) -> tuple[list[_PartMotions], Array]:
-    """(parts with motions (dofs, k), second-order loads g_ij (dofs, pairs), zero on fixed dofs);
-    InputError for ranks, superelements, families without second-order strain."""
+    """(parts with their motions, second-order loads g_ij (dofs, pairs), zero on fixed dofs) for
+    `motions` (dofs, k). InputError for several ranks, superelements and matrices."""
     from antiosc.fem.elements.second_order import points_of  # needs dolfinx
 
     if not structure.matrices.meshed:
@@ -117,7 +117,7 @@ def _second_order(
 
 
 def excited_motions(omega: Array, B: Array, count: int) -> Array:
-    """Orthonormal combinations (J, m) of free modes that span Krylov's space from Λ⁻¹b."""
+    """Orthonormal combinations (J, m) of free modes: a basis of the Krylov space from Λ⁻¹b."""
     elastic = omega > 0
     if not elastic.any():
         raise InputError("stretch needs a model with elastic modes: raise n.")
@@ -155,7 +155,7 @@ def second_order_energies(structure: Structure, motions: Array) -> Array:
 def second_order_tensors(
     structure: Structure, solver: Solver, phi: Array
 ) -> tuple[Array, Array, Array]:
-    """(H (m, m, m), G (m, m, m, m), second-order displacements (dofs, pairs)) of φ (dofs, m)."""
+    """(quadratic forces H (m, m, m), cubic G (m, m, m, m), static displacements (dofs, pairs))."""
     m = phi.shape[1]
     pairs = list(combinations_with_replacement(range(m), 2))
     pieces, g = _second_order(structure, phi, pairs)
@@ -193,7 +193,7 @@ def _loads_of(piece: _PartMotions, pairs: list[tuple[int, int]]) -> Array:
 
 
 def _static_response(structure: Structure, solver: Solver, g: Array, phi: Array) -> Array:
-    """K⁻¹g (dofs, pairs) minus components along the motions φ, so that φᵀK of it is 0."""
+    """Displacements v = K⁻¹g (dofs, pairs), minus components along the motions φ: φᵀKv = 0."""
     k_phi = multiply(structure.K, phi)
     displacement = elastic_response(structure, solver, g)
     return np.asarray(displacement - phi @ np.linalg.solve(phi.T @ k_phi, k_phi.T @ displacement))

@@ -1,8 +1,8 @@
 """The structure in its natural modes: the modes, their superposition, and the unreduced model.
 
 Both are references for an anti-oscillator model, and `simulate` accepts them as models:
-`superposition` keeps n modes (as Goldsmith and Stronge, Article section 1), `full` keeps all modes,
-which is the finite-element model in other coordinates.
+`superposition` keeps n modes (as Goldsmith and Stronge, Article section 1); `full` keeps all modes
+and is therefore the finite-element model in modal coordinates.
 """
 
 from __future__ import annotations
@@ -53,17 +53,17 @@ class StructureModes(ReprMixin):
 
     Attributes
     ----------
-    omega : (n,) circular frequencies, rad/s; exactly 0 of rigid-body modes.
-    multiplicity : (n,) number of modes that the structure has of each frequency. Frequencies that
-        differ by less than 1e-6 are one; the shapes of a repeated one are any basis of their space.
+    omega : (n,) circular frequencies, rad/s; exactly 0 for rigid-body modes.
+    multiplicity : (n,) number of modes of the structure at each frequency. Frequencies with a
+        relative difference below 1e-6 count as equal; their shapes are any basis of their space.
     participation : (n, 3) modal force of a unit acceleration of the supports along x, y, z,
         φᵀMe, kg^1/2; None for given matrices without coordinates.
     mass : total mass, kg; None where it is not known.
     shapes : (rows of this rank, n) shapes of unit modal mass, kg^-1/2.
     structure : the structure.
 
-    The sum of the effective masses over all modes is the mass that moves: the total mass without
-    the mass of the fixed dofs.
+    The sum of the effective masses over all modes is the total mass minus the mass of the fixed
+    dofs.
     """
 
     omega: Array
@@ -85,7 +85,7 @@ class StructureModes(ReprMixin):
 
     @property
     def effective_mass(self) -> Array | None:
-        """Effective masses (n, 3) along x, y, z, kg: squares of the participation; or None."""
+        """Effective masses (n, 3) along x, y, z, kg: participation squared; None if unknown."""
         if self.participation is None:
             return None
         return self.participation**2
@@ -111,9 +111,9 @@ class StructureModes(ReprMixin):
 
     @collective()
     def write(self, path: str | Path) -> Path:
-        """Write the shapes to one `.vtu` file, which ParaView opens; a field for each mode.
+        """Write the shapes to one `.vtu` file for ParaView, one field for each mode.
 
-        The fields are "mode 1" and on, scaled to a largest displacement of 1; warp by one of them.
+        The fields are "mode 1", "mode 2", …, scaled to a largest displacement of 1.
 
         Raises
         ------
@@ -197,15 +197,15 @@ COUNTED_SHARE = 1e-5
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NaturalModes(ReprMixin, Body):
-    """A structure in natural modes with their values at one site, accepted by `simulate`.
+    """Natural modes of a structure and their displacements at one site; `simulate` accepts it.
 
     Attributes
     ----------
     omega : natural circular frequencies in rad/s, ascending, shape (n,); 0 for the rigid-body mode.
     b : displacement of the site along the impact in each mode, kg^-1/2, shape (n,), > 0.
     shapes : mass-normalised modes as columns, kg^-1/2, on the rows of this rank, shape (rows, n).
-    body : hidden rigid-body motions, the modes, and with static correction the contact force.
-    local_compliance, radius : those of the site's patch, as in `AntiOscillators`.
+    body : the modal body; it contains rigid-body motions that do not move the site, too.
+    local_compliance, radius : half-space compliance and radius of the patch (`AntiOscillators`).
     damping : Damping of the modes, or None.
     info : facts of the extraction.
     """
@@ -226,7 +226,7 @@ class NaturalModes(ReprMixin, Body):
 
     @property
     def r(self) -> float:
-        """Compliance in m/N of the modes left out, 0 without static correction."""
+        """Static compliance [m/N] of the truncated modes; 0 without static correction."""
         return self.body.r
 
     @property
@@ -258,7 +258,7 @@ def superposition(
     site : Site
     n : int
         Number of modes; fewer if the structure has fewer. Modes with a node at the site are not
-        counted, equal frequencies count once.
+        counted; modes of equal frequency count as one.
     static_correction : bool
         Add the static compliance of the truncated modes (a massless contact point).
     damping : float, sequence of float, or Damping, optional
@@ -326,7 +326,7 @@ def full(
 
 
 class _ModesAtSite:
-    """Natural modes of a structure without dampers, seen from one site."""
+    """Natural modes of a structure without dampers, and their displacements at one site."""
 
     def __init__(self, structure: Structure, site: Site) -> None:
         instance("structure", structure, Structure, "a Structure")
@@ -344,7 +344,7 @@ class _ModesAtSite:
         self._a = np.abs(a)
 
     def observable(self, modes: Modes, tol: float) -> Modes:
-        """Modes of a share above `tol`, rigid-body ones first; equal frequencies merged."""
+        """Modes with a share above `tol`, rigid-body modes first; equal frequencies are merged."""
         check_modes(self._structure, modes)
         moves_site = self._a != 0
         b = np.append(self._a.sum(), dot(self._comm, modes.phi, self._where.b))
@@ -364,7 +364,7 @@ class _ModesAtSite:
         return Modes(omega, np.hstack([self._rigid[:, moves_site], phi]), modes.complete)
 
     def model(self, modes: Modes, static_correction: bool, damping: Damping | None) -> NaturalModes:
-        """The model of `modes`, which are those that move the site."""
+        """The model of `modes`, all of which must move the site."""
         structure, where = self._structure, self._where
         b = np.asarray(dot(self._comm, modes.phi, where.b))
         hidden = self._rigid[:, self._a == 0]
@@ -406,7 +406,7 @@ class _ModesAtSite:
         return NaturalModes(modes.omega, b, modes.phi, body, *patch, damping, info)
 
     def _static_remainder(self, modes: Modes, b: Array) -> tuple[float, Array]:
-        """(compliance [m/N], shape) of static deflection that the modes lack."""
+        """(compliance [m/N], shape) of the part of the static deflection that `modes` lack."""
         structure, where = self._structure, self._where
         elastic = self._static.y[:, 0] / self._static.W[0, 0]
         if structure.rigid_modes.shape[1]:

@@ -1,4 +1,4 @@
-"""Load vectors b of sites, and the surfaces there.
+"""Load vectors b of sites, and the surfaces at the sites.
 
 bᵀu is the displacement of the structure at the site along the direction of impact, and b contains
 the nodal forces of a unit force there.
@@ -25,7 +25,7 @@ def functional(structure: Structure, site: Site) -> Functional:
 
 
 def functionals(matrices: StructureMatrices, sites: Sequence[Site]) -> list[Functional]:
-    """The load vectors of `sites`; InputError for one off the structure, fixed or on no surface."""
+    """Load vectors of `sites`; InputError for a site off the structure, fixed or off a surface."""
     if matrices.nodal:
         nodal = cast(NodalMatrices, matrices)
         return [
@@ -46,7 +46,7 @@ def functionals(matrices: StructureMatrices, sites: Sequence[Site]) -> list[Func
 def surfaces(
     matrices: StructureMatrices, sites: Mapping[str, Functional]
 ) -> dict[str, dict[str, object]] | None:
-    """Surfaces of sites as in `ModelInfo.surfaces`, for contact laws; None of matrices."""
+    """Surface at each site as in `ModelInfo.surfaces`, for contact laws; None without a mesh."""
     if not matrices.meshed:
         return None
     from antiosc.reduce.site.surface import NO_POINT, surface_of  # given matrices have no mesh

@@ -1,4 +1,4 @@
-"""Load vectors of points of a mesh, or of the parts of an assembly; reactions of supports."""
+"""Load vectors of points on a mesh or on the parts of an assembly, and support reactions."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ STRUCTURE_TOLERANCE = 1e-6
 
 
 def functionals_at(structure: PartsMatrices, sites: Sequence[Site]) -> list[Functional]:
-    """Load vectors of sites, of those at points all at once; errors as in `functionals`."""
+    """Load vectors of sites; all points are located together. Errors as for `functionals`."""
     by_rows = [site.point is None and (site.node is None or site.dof is not None) for site in sites]
     at_points = [site for site, by_row in zip(sites, by_rows, strict=True) if not by_row]
     loads = functionals_on_u(structure, at_points, lambda member: member.part)
@@ -67,7 +67,7 @@ def functionals_at(structure: PartsMatrices, sites: Sequence[Site]) -> list[Func
 
 
 def _on_q(structure: PartsMatrices, site: Site, functional: Functional) -> Functional:
-    """The functional with loads on the reduced dofs q in place of u; InputError if it is fixed."""
+    """The functional with loads on the reduced dofs q instead of u; SiteError if it is fixed."""
     B = structure.joined(functional.B)
     comm = structure.comm
     if norm(comm, B[:, 0]) <= LEAST_FREE_SHARE * norm(comm, functional.b):
@@ -81,8 +81,8 @@ def _on_q(structure: PartsMatrices, site: Site, functional: Functional) -> Funct
 def functionals_on_u(
     structure: PartsMatrices, sites: Sequence[Site], part_of: Callable[[Member], MeshedStructure]
 ) -> list[Functional]:
-    """Load vectors of sites on the dofs of all parts before these are joined; `part_of` gives the
-    part of a member."""
+    """Load vectors of sites on the dofs u of all parts, before the parts are joined; `part_of(m)`
+    is the part of the member m."""
     by_site: dict[int, Functional] = {}
     by_part: dict[str, dict[int, Place]] = {}
     for k, (place, end) in enumerate(places_of(structure, sites)):
@@ -107,7 +107,7 @@ def functionals_on_u(
 def places_of(
     matrices: PartsMatrices, sites: Sequence[Site]
 ) -> list[tuple[Place, PointMotion | None]]:
-    """(place, motion of a point without a mesh or None) of each site, a point, group or node."""
+    """(place, motion if the point has no mesh, else None) of sites at a point, group or node."""
     found: dict[int, tuple[Place, PointMotion | None]] = {}
     ends: list[PointMotion | None] = []
     by_part: dict[str | None, list[tuple[int, Array, Array]]] = {}
@@ -152,7 +152,7 @@ def _on_surface(site: Site, place: Place) -> Place:
 def _functional_without_mesh(
     layout: Layout, site: Site, place: Place, end: PointMotion
 ) -> Functional:
-    """Load vector on u of a superelement's site or of a reference point, whose motion is `end`."""
+    """Load vector on u of a superelement's site or a reference point with the motion `end`."""
     part, _, name = str(site.point).partition(":")
     direction = in_space(site.direction or ())
     direction = direction / np.linalg.norm(direction)
@@ -223,7 +223,7 @@ def _site_functionals(
     places: Sequence[Place],
     found: Sites,
 ) -> list[Functional]:
-    """Load vectors on all dofs, with data of the patches, of the sites `found` on one part."""
+    """Load vectors on all dofs and patch data of sites on one part; `found`: the sites there."""
     columns, axes = [found.loads], [found.directions]
 
     if found.weighted is not None and any(site.tangential for site in sites):
@@ -293,7 +293,7 @@ def cell_and_waves(
 
 
 def _check_sites(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
-    """InputError for the first site that cannot move, or whose patch finds no surface."""
+    """InputError for the first site that cannot move or has no surface under its patch."""
     points = placed(sites_found.points)
     for i, radius in enumerate(sites_found.radii):
         if sites_found.depth[i] > radius:
@@ -330,8 +330,8 @@ def _check_distance(site: Site, place: Place) -> None:
 
 
 class ReleasedSupports:
-    """Reactions of S supports as virtual work on motions that release one: `centres` [m] by name,
-    `pulled` (rows, 6 S) forces on free dofs by their unit rigid motions."""
+    """Reactions of S supports, as virtual work on unit rigid motions of one support at a time.
+    `centres`: points [m] by name; `pulled` (rows, 6 S): forces of the motions on the free dofs."""
 
     def __init__(self, matrices: PartsMatrices, supports: Sequence[Support]) -> None:
         self._of = matrices
@@ -350,12 +350,12 @@ class ReleasedSupports:
         self._rigid = matrices.places.rigid_motions(np.zeros(3))[:, :3]
 
     def inertia(self, following: Array) -> tuple[Array, Array]:
-        """(M g, M r): g: motions of the supports plus `following` (rows, 6 S); r: translations."""
+        """(M g, M r); g: support motions plus `following` (rows, 6 S), r: unit translations."""
         self._motions = self._motions + self._of.expanded(following)
         return self._forces("M", self._motions), self._forces("M", self._rigid)
 
     def applied(self, sites: Sequence[Site]) -> tuple[Array, Array]:
-        """(bᵀg (P, 6 S), bᵀr (P, 3)): work of unit forces at P sites on g and r."""
+        """(bᵀg (P, 6 S), bᵀr (P, 3)): work of unit forces at P sites on g and r of `inertia`."""
         columns = []
         with without_warnings():  # they were told of when the model was extracted
             for site in sites:
@@ -371,7 +371,7 @@ class ReleasedSupports:
         return dot(self._of.comm, b, self._motions), dot(self._of.comm, b, self._rigid)
 
     def damping(self, shapes: Array) -> list[tuple[float | None, Array]]:
-        """(relaxation time [s], reactions (6 S, B)) of each damping term, by `shapes`."""
+        """(relaxation time [s] or None, reactions (6 S, B) for `shapes`) of each damping term."""
         comm, u = self._of.comm, self._of.expanded(shapes)
         own = self._assembly.added.dissipation(on_u=True) if self._assembly else []
         terms = [(slice(None), term) for term in own]
@@ -445,7 +445,7 @@ class ReleasedSupports:
         return self._parts[id(part)]
 
     def _forces(self, which: str, motions: Array) -> Array:
-        """K u or M u (`which`) on the free dofs, for `motions` u of the dofs of all parts."""
+        """K u or M u (`which`: "K" or "M") on the free dofs, for `motions` u of all parts' dofs."""
         forces = np.zeros(motions.shape)
         for member in self._of.members():
             matrix = getattr(self._part(member), which)
@@ -461,7 +461,7 @@ class ReleasedSupports:
 
 
 def support_names(supports: Sequence[Support], used: Container[str] = ()) -> list[str]:
-    """Name of each support: its group, or "support 1", "support 2", … if not in `used`."""
+    """Name of each support: its group, or "support 1", …; numbered if in `used` or repeated."""
     names: list[str] = []
     for number, support in enumerate(supports, start=1):
         name = support.where if isinstance(support.where, str) else f"support {number}"
@@ -470,7 +470,7 @@ def support_names(supports: Sequence[Support], used: Container[str] = ()) -> lis
 
 
 def dofs_by_support(part: MeshedStructure) -> dict[str, IntArray]:
-    """Support -> its dofs on this rank; a dof of several supports belongs to the first."""
+    """Dofs on this rank by the name of the support; a dof of several belongs to the first."""
     rows = len(part.attached_inertia)
     result = {}
     fixed = np.zeros(0, dtype=int)

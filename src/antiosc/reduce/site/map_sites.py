@@ -43,18 +43,18 @@ class MapSites:
     dimension: int  # dimension of the cells
 
     def only(self, keep: BoolArray) -> MapSites:
-        """The sites of the mask `keep`, and the elements between them."""
+        """The sites where the mask `keep` is true, and the elements between them."""
         whole = self.elements[keep[self.elements].all(axis=1)]
         elements = (np.cumsum(keep) - 1)[whole]
         return replace(self.taken(np.flatnonzero(keep)), elements=elements)
 
     def taken(self, which: IntArray) -> MapSites:
-        """The sites with the numbers `which` (n,); the elements keep their numbers of sites."""
+        """The sites with the numbers `which` (n,); `elements` is not renumbered."""
         return replace(self, sites=self.sites.taken(which), names=self.names[which])
 
 
 def surface_names(where: object) -> Sequence[str] | None:
-    """Names of surfaces in `where`; None if it is None (the whole structure) or points."""
+    """Names of surfaces in `where`; None for the whole structure (`where` None) or points."""
     if where is None or isinstance(where, str):
         return None if where is None else [where]
     where_list = where.tolist() if isinstance(where, np.ndarray) and where.ndim == 1 else where
@@ -74,7 +74,7 @@ def surface_names(where: object) -> Sequence[str] | None:
 
 
 def concatenated_sites(surfaces: Sequence[MapSites]) -> MapSites:
-    """Sites of several surfaces as one; if one has triangles, segments of others are dropped."""
+    """Sites of several surfaces joined; with triangles on one, segments on others are dropped."""
     if len(surfaces) == 1:
         return surfaces[0]
     corners = max(surface.elements.shape[1] for surface in surfaces)
@@ -96,7 +96,7 @@ def concatenated_sites(surfaces: Sequence[MapSites]) -> MapSites:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceSample:
-    """Points of a surface, and elements between them, equal on all ranks."""
+    """Points of a surface and the elements between them; the same on all ranks."""
 
     points: Array  # (P, 3) coordinates [m]
     normals: Array  # (P, 3) unit normals out of the body; zero on sheets and lines
@@ -111,7 +111,7 @@ def sites_of(
     radius: float | None,
     most: int | None = None,
 ) -> MapSites:
-    """Sites of a map on groups, parts, points or all surfaces, `most` on each of these."""
+    """Sites of a map on groups, parts, points or all surfaces, at most `most` on each."""
     names = surface_names(where)
     if where is not None and names is None:
         return _at_points(structure, where, direction, radius)
@@ -137,7 +137,7 @@ def sites_of(
 
 
 def checked_sites(sites: MapSites, where: object) -> MapSites:
-    """`sites`; InputError if there are none."""
+    """Returns `sites`; InputError if it is empty."""
     if not len(sites.sites):
         place = f" on {where!r}" if isinstance(where, str) else ""
         raise InputError(f"no site of the map can move{place}: give another group.")
@@ -148,7 +148,7 @@ def checked_sites(sites: MapSites, where: object) -> MapSites:
 def _at_points(
     structure: PartsMatrices, where: object, direction: Sequence[float] | None, radius: float | None
 ) -> MapSites:
-    """Sites at given points, each on the part on which a `Site` at the point would be."""
+    """Sites at given points, each on the part that a `Site` at the point would choose."""
     points = checked_points(where, direction)
     assert direction is not None  # checked_points has seen to that
     members = structure.members()
@@ -191,7 +191,7 @@ def _on_part(
     radius: float | None,
     name: str,
 ) -> tuple[MapSites, BoolArray]:
-    """(sites at points of a part, in the axes of the assembly; mask of those that move)."""
+    """(sites at points of a part, in the assembly's axes; mask of the sites that can move)."""
     part = member.part
     if direction is None and not part.kind.outside:
         suffix = f" (the part {member.name!r})" if member.name else ""
@@ -231,7 +231,7 @@ OPPOSITE_DISTANCE = 0.5
 
 
 def farthest_points(ground: SurfaceSample, most: int | None) -> SurfaceSample:
-    """A sample of at most `most` points: each is the one farthest from those before it."""
+    """At most `most` points, chosen one by one as the farthest from the points chosen before."""
     if most is None or len(ground.points) <= most:
         return ground
     extent = float(np.ptp(ground.points, axis=0).max())
@@ -255,7 +255,7 @@ def farthest_points(ground: SurfaceSample, most: int | None) -> SurfaceSample:
 
 
 def resolved_radius(structure: PartsMatrices, site: Site) -> float | None:
-    """Least radius [m] of a patch at a site that the facets resolve; None on sheets and bars."""
+    """Least radius [m] of a patch at a site that facets resolve; None on sheets and beams."""
     ((place, end),) = places_of(structure, [site])
     if end is not None or not place.member.part.kind.outside:
         return None
@@ -292,7 +292,7 @@ def _from_supports(structure: MeshedStructure, points: Array) -> Array:
 
 
 def surface_sample(structure: MeshedStructure, group: str | None) -> SurfaceSample:
-    """Vertices and elements of a group of faces (of sheets, lines: cells); None: of all."""
+    """Vertices and elements of a group of faces (cells of sheets and lines); None: all faces."""
     mesh = structure.mesh
     is_solid = structure.kind.outside
     faces = structure.faces
@@ -322,7 +322,7 @@ def surface_sample(structure: MeshedStructure, group: str | None) -> SurfaceSamp
 
 
 def checked_points(points: object, direction: object) -> Array:
-    """The argument `where` of a map as points (P, 3); InputError for others."""
+    """The argument `where` of a map as points (P, 3); InputError if it is not a list of points."""
     if direction is None:
         raise InputError("points need the direction of impact, as (0, 0, -1).")
     coordinates = floats("where, if no group's name, the points,", points, None)
@@ -334,7 +334,7 @@ def checked_points(points: object, direction: object) -> Array:
 
 
 def _in_space(direction: Sequence[float]) -> Array:
-    """A direction with three components; InputError for others."""
+    """The direction with three components; InputError if it is invalid or zero."""
     components = coordinates("direction", direction, "")
     if not np.linalg.norm(components):
         raise InputError("direction must not be the zero vector.")

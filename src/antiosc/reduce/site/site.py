@@ -45,20 +45,21 @@ class Site(FieldsRepr):
     ----------
     point : sequence of 2 or 3 floats, or str
         Coordinates in m; any point of the structure, on or off the nodes. A text names a group (in
-        an assembly "part:group"): its point, or the point next to the centroid of its entities. In
-        an assembly it may also be a reference point, or "part:site" of a superelement.
+        an assembly "part:group"): the site is its point, or the point of its entities nearest to
+        their centroid. In an assembly a text may also name a reference point, or "part:site" of a
+        superelement.
     face : str, optional
-        In place of a point: a group of faces ("face 12", "hole 6 mm (1)", in an assembly "part:face
-        12"). The site is its point next to its centroid, and the direction is by default that into
-        the part.
+        Instead of a point: a group of faces ("face 12", "hole 6 mm (1)", in an assembly "part:face
+        12"). The site is the point of the faces nearest to their centroid; the default direction
+        is into the part.
     direction : sequence of 2 or 3 floats
-        The direction in which the impactor pushes; need not be a unit vector.
+        Direction in which the impactor pushes; it need not be a unit vector.
     radius : float, optional
-        Radius in m of a patch with Hertz's pressure √(1 − r²/a²) on the surface around the
-        point; force and displacement are both weighted by it. None: a point on a beam and on a
-        solid (on a solid the compliance of a point then diverges with mesh refinement), and on a
-        shell a patch with the thickness as radius. With this radius the shell has the compliance of
-        a solid without the half-space compliance of the patch.
+        Radius a in m of a patch with Hertz's pressure √(1 − r²/a²) on the surface around the
+        point; the pressure weights both force and displacement. Default: a point on beams and
+        solids (on a solid its compliance diverges with mesh refinement), and on shells a patch of
+        the thickness as radius. With this radius the shell has the compliance of a solid minus the
+        half-space compliance of the patch.
     snap : bool or float
         Move a point that is off the structure to the nearest point of the structure: True by at
         most 2 % of the part's size or one element, a number by at most this length in m. A patch
@@ -72,12 +73,12 @@ class Site(FieldsRepr):
     vector : array_like (n,)
         For matrices: any load vector b.
     part : str, optional
-        For assemblies: the part that is struck. By default the nearest one, and of parts that touch
-        the one whose surface faces the impactor.
+        For assemblies: the part that is struck. Default: the nearest part; where parts touch, the
+        part whose surface faces the impactor.
     tangential : bool
-        For a named site (`extract(part, {name: Site})`): the model contains its displacements
-        across `direction` too, two of them (one in a plane structure), as a contact with friction
-        needs. They are weighted over the patch as the normal one; its compliance remains in them.
+        For a named site (`extract(part, {name: Site})`): the model also contains the displacements
+        across `direction`, two of them (one in a plane structure), for a contact with friction.
+        The pressure weights them too; the compliance of the patch is not subtracted from them.
     """
 
     point: Sequence[float] | str | None = None
@@ -147,7 +148,7 @@ class Site(FieldsRepr):
 
 
 def tangents(directions: Array, plane: bool) -> list[Array]:
-    """Unit vectors across directions (P, 3): [(P, 3), (P, 3)], in a plane one array."""
+    """Unit vectors perpendicular to directions (P, 3): two arrays (P, 3), in a plane one."""
     if plane:
         return [np.cross([0.0, 0.0, 1.0], directions)]
 
@@ -159,7 +160,7 @@ def tangents(directions: Array, plane: bool) -> list[Array]:
 
 
 def constrained_message(label: str) -> str:
-    """Message that supports fix the site `label`."""
+    """Error message: the supports fix the site `label`."""
     return (
         f"{label} is fixed by supports along the direction of impact: it cannot move; choose "
         "another point."
@@ -185,7 +186,7 @@ class Functional:
     directions: Array | None = None
     #: cell size and wave speeds at the site (`ModelInfo.cells`); None without a mesh
     cell: tuple[float, float, float] | None = None
-    #: where it acts on a mesh; None of rows and vectors
+    #: where it acts on a mesh; None for dofs and vectors of matrices
     place: Place | None = None
 
     @property
@@ -202,7 +203,7 @@ class Functional:
 def located_point(
     structure: Structure, point: object, part: str | None, node: int | None = None
 ) -> tuple[Array, str | None, PointMotion | None]:
-    """(coordinates (3,) [m], part or None, motion of a point without a mesh or None)."""
+    """(coordinates (3,) [m], part or None, motion if the point has no mesh, else None)."""
     if part is not None:
         checks.text("part", part)
     if (point is None) == (node is None):
@@ -221,7 +222,7 @@ def located_point(
 def motions_without_mesh(
     structure: Structure, shapes: Array, name: str, end: PointMotion, quantity: str
 ) -> Array:
-    """Displacement or rotation (gdim, columns) of shapes at a point without a mesh."""
+    """Displacement or rotation (gdim, columns) of `shapes` at a point without a mesh."""
     if quantity not in MOTION_QUANTITIES:
         raise InputError(
             f"{name!r} has no mesh and no {quantity}: ask for its {', '.join(MOTION_QUANTITIES)}."
@@ -242,7 +243,7 @@ def motions_without_mesh(
 
 
 def functional_on_rows(structure: StructureMatrices, site: Site) -> Functional:
-    """The load vector of a site that is given by a dof or a vector."""
+    """Load vector of a site given by a dof or a vector."""
     first, last = algebra.row_range(structure.K)
     n = algebra.size(structure.K)
     if site.node is not None:
@@ -264,7 +265,7 @@ def functional_on_rows(structure: StructureMatrices, site: Site) -> Functional:
 
 
 def _on_free_rows(structure: StructureMatrices, B: Array, label: str) -> Array:
-    """Loads B, zero on fixed dofs and where a column cannot move; SiteError if the first cannot."""
+    """B with zeros on fixed dofs and in columns that cannot move; SiteError if column 0 cannot."""
     comm = algebra.communicator(structure.K)
     size = [norm(comm, b) for b in B.T]
     B[structure.fixed[structure.fixed < len(B)]] = 0.0
@@ -275,7 +276,7 @@ def _on_free_rows(structure: StructureMatrices, B: Array, label: str) -> Array:
 
 
 def functional_on_nodes(matrices: NodalMatrices, site: Site) -> Functional:
-    """Load vectors of a site at a node; InputError if this is unknown or fixed."""
+    """Load vectors of a site at a node; InputError if the node is unknown or fixed."""
     if site.radius is not None:
         raise InputError(NO_PATCH)
     node = _node_at(matrices, site) if site.node is None else site.node

@@ -1,8 +1,8 @@
 """Sites as arrays: their patches on the mesh, and their loads b as sparse columns.
 
 A load is a set of weighted points: one point, or the quadrature points of Hertz's pressure
-√(1 − r²/a²) on a disc in the tangent plane (on a segment, at the edge of a plane part), projected
-along the normal onto the surface. All functions take arrays of P sites.
+√(1 − r²/a²). They lie on a disc in the tangent plane (at the edge of a plane part on a segment) and
+are projected along the normal onto the surface. All functions take arrays of P sites.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ POINTS_AT_ONCE = 20_000
 
 
 def disc_rule(rings: int) -> tuple[Array, Array]:
-    """Points (n, 2) in the unit disc and weights (sum 1) for Hertz's pressure √(1 − r²): Gauss in s
-    = √(1 − r²), where s r dr = s² ds, and equidistant angles."""
+    """Points (n, 2) in the unit disc and weights (sum 1) for Hertz's pressure √(1 − r²): Gauss rule
+    in s = √(1 − r²), where s r dr = s² ds, times equidistant angles."""
     s, w = np.polynomial.legendre.leggauss(rings)
     s, w = (s + 1) / 2, w * ((s + 1) / 2) ** 2
     angles = np.pi * (np.arange(2 * rings) + 0.5) / rings  # none along an edge of the face
@@ -70,7 +70,7 @@ def patch_points(
     contact: SurfaceAtSites,
     most_rings: dict[int, int] = MOST_RINGS,
 ) -> tuple[Points, Array]:
-    """(quadrature points of all patches on this rank, share (P,) of each patch on faces)."""
+    """(quadrature points of all patches on this rank, share (P,) of each patch on a face)."""
     size = np.where(np.isfinite(contact.smallest), contact.smallest, radii)
     rings = np.minimum(EXTRA_RINGS + np.ceil(4 * radii / size - 1e-6), most_rings[faces.dim])
     rings = rings.astype(int)
@@ -166,7 +166,7 @@ class Sites:
 
     @classmethod
     def joined(cls, several: Sequence[Sites]) -> Sites:
-        """Several sets of sites as one."""
+        """Several sets of sites joined into one."""
         arrays = [sites._arrays() for sites in several]
         columns: dict[str, Any] = {
             name: np.concatenate([each[name] for each in arrays]) for name in arrays[0]
@@ -187,7 +187,7 @@ def located_sites(
     nearest: ClosestPoints | None = None,
     most_rings: dict[int, int] = MOST_RINGS,
 ) -> Sites:
-    """Sites at points (P, 3), unit `directions`; `radii` (P,) [m], NaN: the material's default."""
+    """Sites at points (P, 3) with unit `directions` and `radii` (P,) [m]; NaN: default radius."""
     mesh = structure.mesh
     kind = structure.kind
     count = len(points)
@@ -251,7 +251,7 @@ def load_sums(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> Array:
 def _point_loads(
     structure: MeshedStructure, points: Array, which: IntArray, nearest: ClosestPoints | None
 ) -> Points:
-    """Point loads, in cells of this rank, at those `points` whose numbers are in `which`."""
+    """Point loads, in cells of this rank, at the points with the numbers `which`."""
     numbers: IntArray = which
     if nearest is None:
         nearest = closest_many(structure.mesh, points[which])
@@ -270,12 +270,12 @@ SIZE_ROUNDING = 1e-6
 #: An impact is along the surface if its cosine with the normal is below this.
 SURFACE_COSINE = 0.1
 
-#: Mask (P,) of sites, and what is told of them.
+#: Mask (P,) of sites, and the warning about them.
 Doubt: TypeAlias = tuple[BoolArray, str]
 
 
 def warn_of_doubts(structure: MeshedStructure, sites: Sites, marked: bool = False) -> None:
-    """Warn of uncertain compliances; `marked`: not of cut patches, as a map marks them."""
+    """Warn of uncertain compliances; with `marked` not of cut patches, which a map marks itself."""
     doubts = list(_mesh_doubts(structure, sites))
     if not marked:
         cut = _is_cut(sites)
@@ -293,7 +293,7 @@ def warn_of_doubts(structure: MeshedStructure, sites: Sites, marked: bool = Fals
 
 
 def doubtful_patches(sites: Sites) -> dict[str, BoolArray]:
-    """Reason -> mask (P,) of the patches whose compliance is not that of a half-space."""
+    """Masks (P,), by reason, of patches whose local compliance differs from a half-space's."""
     near = np.zeros(len(sites), dtype=bool)
     if sites.clear is not None:
         near = np.asarray((sites.clear < NEAR_RADII * sites.radii) & (sites.local > 0))
@@ -333,6 +333,6 @@ def _mesh_doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
 
 
 def _is_cut(sites: Sites) -> BoolArray:
-    """Mask (P,) of the patches that an edge cuts, or that supports hold in part."""
+    """Mask (P,) of patches that an edge cuts or supports partly hold."""
     held = (sites.moving < WHOLE_PATCH_SHARE) & (sites.local > 0)
     return np.asarray((sites.share < WHOLE_PATCH_SHARE) | held)

@@ -1,8 +1,8 @@
 """The surface of a structure at a site: material and curvature, for the contact law.
 
-The nodes of a mesh lie on the surface that was meshed; its faces do not. A quadric is fitted to the
-nearest nodes. The uncertainty is the difference from a fit to twice as many, and the standard error
-of the fit.
+The nodes of a mesh lie on the surface that was meshed; its faces do not. A quadric is therefore
+fitted to the nearest nodes. The uncertainty is the larger of the standard error of the fit and the
+difference from a fit to twice as many nodes.
 
 Faces are parts of one smooth surface across edges at which their normals turn by less than
 `SHARP_ANGLE`.
@@ -120,14 +120,14 @@ class Patch:
         return np.asarray(np.einsum("nd,nd->n", normals[:, 0], normals[:, 1]))
 
     def surfaces(self, sheet: bool) -> IntArray:
-        """Number (n,) of the smooth surface of each face; on a sheet normals have no sign."""
+        """Number (n,) of each face's smooth surface; the normals of a `sheet` have no sign."""
         cosines = np.abs(self.cosines) if sheet else self.cosines
         smooth = cosines > np.cos(np.radians(SHARP_ANGLE))
         count, corners = self.numbers.shape
         return connected_pieces([self.pairs[smooth] // corners], count)
 
     def inner_edges(self) -> Array:
-        """Ends (e, 2, 3) [m] of edges at which the solid has `INNER_ANGLE` or more."""
+        """Ends (e, 2, 3) [m] of edges at which the angle of the solid is at least `INNER_ANGLE`."""
         ends = np.stack([self.corners, np.roll(self.corners, -1, axis=1)], axis=2)
         across = np.cross(self.normals, ends[:, :, 1] - ends[:, :, 0])
         inward = self.corners.mean(axis=1)[:, None] - self.middles
@@ -154,8 +154,8 @@ class Patch:
 def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = None) -> Curvature:
     """Curvature of the surface of a mesh at its point nearest to `point` (3,).
 
-    `faces`: outer faces of a solid, cells of a sheet; `direction` (3,): of an impact; the normal of
-    a sheet points against it. InputError for a mesh of lines, or one in a plane.
+    `faces` are the outer faces of a solid or the cells of a sheet; `direction` (3,) is that of the
+    impact, against which a sheet's normal points. InputError for a mesh of lines or in a plane.
     """
     if faces.dim != 2 or mesh.gdim != 3:
         raise InputError("beams and plane parts have no surface: give the law of the contact.")
@@ -177,7 +177,7 @@ def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = 
 
 
 def _patch_around(faces: Faces, point: Array) -> Patch:
-    """The faces, of all ranks, around the one nearest to a point."""
+    """The faces of all ranks around the face nearest to a point."""
     comm = faces.mesh.comm
     distances = np.linalg.norm(faces.centres - point, axis=1) - faces.radii
     nearest = comm.allgather(float(distances.min(initial=np.inf)))
@@ -196,7 +196,7 @@ def _patch_around(faces: Faces, point: Array) -> Patch:
 
 
 def _gathered_patch(faces: Faces, facets: IntArray, nearest: Array, gap: Array) -> Patch:
-    """The faces `facets` of all ranks as one patch; `gap`: distances [m] to `nearest`."""
+    """The faces `facets` of all ranks as one patch; `gap`: distances [m] of `nearest`."""
     tensor = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     corner_order = [0, 1, 2] if faces.simplex else [0, 1, 3, 2]
     corner = tensor[corner_order]
@@ -213,9 +213,9 @@ def _gathered_patch(faces: Faces, facets: IntArray, nearest: Array, gap: Array) 
 
 
 def inner_points(matrices: PartsMatrices, part: str | None, spacing: float) -> Array:
-    """Points (n, 3) [m], `spacing` apart, along sharp inner edges of solids, where stress on a mesh
-    grows with refinement, as r^-0.46 at 270° (M. L. Williams, J. Appl. Mech. 19 (1952) 526);
-    fillets are tangent."""
+    """Points (n, 3) [m], `spacing` apart, along sharp inner edges of solids. Stress is singular
+    there, as r^-0.46 at 270° (M. L. Williams, J. Appl. Mech. 19 (1952) 526), and grows with mesh
+    refinement; fillets are not sharp."""
     found = [np.zeros((0, 3))]
     for member in matrices.members(part):
         faces = member.part.faces
@@ -305,7 +305,7 @@ def _flat_curvature(x: Array, normal: Array) -> Curvature:
 
 
 def _sharp_curvature(kind: str, x: Array, normal: Array) -> Curvature:
-    """The curvature at an edge or a corner (`kind`): none is known."""
+    """Curvature record of an edge or a corner (`kind`), which has no values."""
     return Curvature(kind, np.full(2, np.nan), np.nan, np.full((2, 3), np.nan), x, normal)
 
 
@@ -356,7 +356,7 @@ OTHER_FACE_SLOPE = 0.3
 def _largest_ball(
     matrices: PartsMatrices, at: Curvature, patch_radius: float
 ) -> tuple[float, tuple[float, float, float] | None]:
-    """(radius [m] of the largest ball that touches the site alone, next point or None)."""
+    """(radius [m] of the largest ball that touches only the site, second contact point or None)."""
     balls: list[tuple[float, tuple[float, float, float] | None]] = [(inf, None)]
     for member in matrices.members():
         faces, point = member.part.faces, member.at.own(at.point[None])[0]
@@ -393,7 +393,7 @@ def surface_at(
 
 
 def surface_of(matrices: PartsMatrices, place: Place, radius: float | None) -> Surface:
-    """The surface at a place, under a patch of `radius` [m], None: a point; else InputError."""
+    """The surface at a place, under a patch of `radius` [m] or None; InputError if unknown."""
     material = place.material
     matter = _contact_material(material)
     if matter is None:
@@ -462,7 +462,7 @@ def _curvature(place: Place) -> Curvature:
 
 
 class StructurePlane(Body):
-    """A structure as what an impactor strikes; default `surface`: a flat face of its material."""
+    """A structure as the struck body; the default `surface` is a flat face of its material."""
 
     def __init__(self, structure: Structure, surface: Surface | None = None) -> None:
         self._surface = surface or flat_face(structure)
@@ -485,7 +485,7 @@ def flat_face(structure: Structure) -> Surface | None:
 
 
 def _contact_material(material: Any) -> Matter | None:
-    """The properties of a material that contact laws need; None if anisotropic or plane."""
+    """Material properties for contact laws; None for an anisotropic or a plane material."""
     if getattr(material, "plane", None) is not None:
         return None
     if isinstance(material, Laminate):
