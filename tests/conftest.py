@@ -63,8 +63,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def pytest_collection_finish() -> None:
-    gc.freeze()  # thousands of tests, through which each search for garbage would go
     gc.enable()
+    gc.set_threshold(700, 10, 100)  # a whole search goes through thousands of tests
     isolation._run_reader = readers.ask
     charts.render = pictures.rough
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from antiosc.base import progress
-from antiosc.base._types import BoolArray, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.texts import rounded_up
 from antiosc_app import guessed
@@ -116,7 +116,7 @@ def _inspection_of(
     faces = guessed.nodes_around(outer)
 
     where: tuple[str, ...] = ()
-    plane = None
+    plane: list[Array] | None = None
     if structure is not None:
         supported = guessed.held_nodes(structure, x, size)
     elif where := guessed.groups_with(mesh, guessed.SUPPORT_WORDS)[:1]:
@@ -133,7 +133,7 @@ def _inspection_of(
         cell = None if cell >= read_options.get("size", inf) else cell
 
     # rounded within the tolerance of a plane of nodes
-    held_plane = plane and [rounded_to(plane[0], 1e-2 * size), plane[1].tolist()]
+    held_plane = None if plane is None else [rounded_to(end, 1e-2 * size) for end in plane]
     longest = longest_cell(x[nodes[:, : len(mesh.geometry.corners)]])
     # each node that is not held has three dofs or more
     dofs = 3 * int((~supported).sum()) if structure is None else structure.dofs

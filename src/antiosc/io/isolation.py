@@ -137,6 +137,10 @@ def _reader_error(name: str, code: int, memory: int, geometry: bool, again: bool
     )
 
 
+#: What a JSON text of printable ASCII names has none of: other characters, and their escapes.
+ESCAPED = re.compile(rb"[^ -\[\]-~]")
+
+
 def _mesh_of_response(name: str, response: bytes, memory: int) -> FileMesh:
     """The mesh in the reader's response; an error in the response is raised."""
     if not response:
@@ -145,7 +149,10 @@ def _mesh_of_response(name: str, response: bytes, memory: int) -> FileMesh:
     try:
         with np.load(io.BytesIO(response), allow_pickle=False) as archive:
             first, *arrays = (archive[key] for key in archive.files)
-        header = _printable(json.loads(first.tobytes()))
+        text = first.tobytes()
+        header = json.loads(text)
+        if ESCAPED.search(text):
+            header = _printable(header)
         if "error" not in header:
             return unpacked(header, arrays)
     except (ValueError, KeyError, TypeError, OSError, zipfile.BadZipFile) as error:
