@@ -96,7 +96,7 @@ class TradeoffMember:
     method: str = "antiosc"
     #: relative error bars of results; difference plus the finest bar where they are less
     bars: dict[str, float] = field(default_factory=dict)
-    whole: float | None = None  # `bar` with the error of the contact law; None if unknown
+    bar_with_law: float | None = None  # `bar` with the error of the law; None if unknown
     #: proved relative error of the peak force by what the model leaves out; NaN if there is none
     proved: float = math.nan
 
@@ -209,8 +209,9 @@ class Tradeoff(Result):
             f" {engineering(best.seconds, 's')}; its bar, {percent(best.bar)}, leaves out the error"
             " of the contact law"
         )
-        law = "." if best.whole is None else f": with it the bar is {percent(best.whole)}."
-        return f"{sentence}{law} {self.hit.error_budget.law if best.whole is None else ''}".rstrip()
+        if best.bar_with_law is None:
+            return f"{sentence}. {self.hit.error_budget.law}".rstrip()
+        return f"{sentence}: with it the bar is {percent(best.bar_with_law)}."
 
     def numbers(self) -> dict[str, object]:
         """Tables, status, message and notes as JSON values by name."""
@@ -407,7 +408,7 @@ class ComputedMember:
             gigabytes=(stored_bytes + outcome.bytes) / 1e9,
             bar=math.inf,
             bars={},
-            whole=None,
+            bar_with_law=None,
             difference=max(relative_differences(finest, numbers).values()),
             **asdict(numbers),
         )
@@ -471,7 +472,7 @@ def member_of(answer: MeshAnswer) -> TradeoffMember:
         peak_force=answer.hit.peak_force,
         bar=answer.budget.numerical,
         bars={name: answer.budget[name].numerical for name in QUANTITIES},
-        whole=None if answer.budget.law else answer.budget.worst,
+        bar_with_law=None if answer.budget.law else answer.budget.worst,
         impulse=answer.hit.impulse,
         contact_time=answer.hit.contact_time,
     )

@@ -62,7 +62,7 @@ _checked_share = _range_check("0 <= share <= 1", lambda share: 0 <= share <= 1)
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class Patched(Compiled):
+class PatchedLaw(Compiled):
     """Base of laws with a `compliance` c [m/N] >= 0: F = f(delta + c F).
 
     c is subtracted for a structure whose compliance contains the half-space compliance of a contact
@@ -109,7 +109,7 @@ class Linear(Compiled):
 
 
 @dataclass(frozen=True, repr=False)
-class Punch(Patched, Linear):
+class Punch(PatchedLaw, Linear):
     """Law of a rigid flat punch on a half-space; a patch compliance above 0.7/stiffness is kept."""
 
     def without(self, compliance: float) -> Self:
@@ -201,7 +201,7 @@ HERTZ_EXPONENT = 1.5
 
 
 @dataclass(frozen=True, repr=False)
-class _Damped(Patched):
+class _Damped(PatchedLaw):
     """F = stiffness * delta^exponent * (1 + d * rate/v0), never negative.
 
     stiffness [N/m^exponent] > 0; restitution 0 < e <= 1; exponent >= 1 (1.5 as in Hertz's law).
@@ -287,7 +287,7 @@ class Gonthier(_Damped):
 
 
 @dataclass(frozen=True, repr=False)
-class Hysteretic(Patched):
+class Hysteretic(PatchedLaw):
     """Laws that yield: the state is (deepest indentation, turning point [m], lost energy [J])."""
 
     has_memory: ClassVar[bool] = True
