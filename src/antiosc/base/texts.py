@@ -7,7 +7,7 @@ number as engineers do: 82.7 µs, 2.20 kN ± 2 %.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sized
 from math import ceil, floor, isfinite, log10
 from typing import Any
 
@@ -138,9 +138,10 @@ class FieldsRepr:
 
 
 def _is_default(field: dataclasses.Field[object], value: object) -> bool:
-    """Whether a field of a dataclass has its default value."""
+    """Whether a dataclass field has its default value; with a default factory: is empty."""
     if field.default is dataclasses.MISSING:
-        return field.default_factory is not dataclasses.MISSING and not np.size(np.asarray(value))
+        is_made = field.default_factory is not dataclasses.MISSING
+        return is_made and isinstance(value, Sized) and len(value) == 0
     is_simple = isinstance(value, float | int | str | tuple)
     return value is field.default or (is_simple and bool(value == field.default))
 

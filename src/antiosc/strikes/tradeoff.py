@@ -333,10 +333,10 @@ def tradeoff(
 
     with doing("speed against accuracy") as report:
 
-        def seen(answer: MeshAnswer, place: Site) -> None:
+        def seen(answer: MeshAnswer, site: Site) -> None:
             if meshes:
                 meshes[-1][-1].answer.structure.drop_factor()
-            own = ComputedMember(answer, place, member_of(answer))
+            own = ComputedMember(answer, site, member_of(answer))
             report(f"{len(meshes) + 1} meshes, bar {100 * own.member.bar:.2g} %")
 
             most = min(answer.n, answer.structure.dofs) / LEAST_COUNT_RATIO

@@ -330,8 +330,8 @@ class AssembledMatrices(PartsMatrices):
         return as_petsc("K", _projected(self.T, blocks, zero_matrix), self.layout)
 
     @property
-    def lossy(self) -> bool:
-        return any(member.part.lossy for member in self.layout.members.values())
+    def has_loss_factor(self) -> bool:
+        return any(member.part.has_loss_factor for member in self.layout.members.values())
 
     # -- from u to the parts
 

@@ -106,7 +106,7 @@ class Ball(_Pin):
 
 
 @dataclass(frozen=True)
-class _Axis(_Pin):
+class _AxisJoint(_Pin):
     axis: Sequence[float] = field(default=(0.0, 0.0, 1.0), metadata=checked_by(checked_axis))
 
     #: whether the axis is that of a rotation
@@ -129,7 +129,7 @@ class _Axis(_Pin):
 
 
 @dataclass(frozen=True)
-class Hinge(_Axis):
+class Hinge(_AxisJoint):
     """Two ends that can only rotate relative to each other about an axis through a point.
 
     Parameters as for `Weld`, and
@@ -143,7 +143,7 @@ class Hinge(_Axis):
 
 
 @dataclass(frozen=True)
-class Slider(_Axis):
+class Slider(_AxisJoint):
     """Two ends that can only move relative to each other along an axis.
 
     Parameters as for `Hinge`.

@@ -471,7 +471,7 @@ class StructureMatrices:
         return communicator(self.K)
 
     @property
-    def lossy(self) -> bool:
+    def has_loss_factor(self) -> bool:
         """Whether a material has a loss factor."""
         return False
 

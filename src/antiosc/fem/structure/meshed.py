@@ -217,7 +217,7 @@ class PartsMatrices(StructureMatrices):
         return terms
 
     def loss_stiffness(self, V: Array) -> Array | None:
-        if not self.lossy:
+        if not self.has_loss_factor:
             return None
 
         terms = (
@@ -393,7 +393,7 @@ class MeshedStructure(PartsMatrices):
         return axis.x.array.reshape(-1, 3), side.x.array
 
     @property
-    def lossy(self) -> bool:
+    def has_loss_factor(self) -> bool:
         beams = (lines.parts[0] for lines in self.stiffeners.values())
         return any(getattr(material, "loss", 0.0) for material, _ in (*self.parts, *beams))
 

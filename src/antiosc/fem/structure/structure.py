@@ -636,7 +636,7 @@ def refuse_prestress(structure: Structure, what: str) -> None:
 
 def refuse_dampers(structure: Structure, what: str) -> None:
     """Raise InputError for a structure with dampers; `what` names the refusing function."""
-    if structure.matrices.dissipation() or structure.matrices.lossy:
+    if structure.matrices.dissipation() or structure.matrices.has_loss_factor:
         raise InputError(
             f"{what} takes no dampers, loss or prony: leave them out; extract without damping does."
         )

@@ -127,7 +127,7 @@ def _model_at(
     # the model
     model = model_of(structure, sites, static, selected, info)
     model = replace(model, recurrence=recurrence)
-    if terms or structure.matrices.lossy:
+    if terms or structure.matrices.has_loss_factor:
         model = with_damping(structure, model, static, terms)
     if errors is not None and options.error is not None:
         model = errors.added_to(model, sites, solver)
