@@ -104,9 +104,9 @@ def _at_nodes_of(
 
 
 def stress_errors_of_part(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
-    """Estimated error (nodes,) [Pa] of von Mises stress on this rank: differences of cells from the
-    mean of one material (Zienkiewicz and Zhu), for sheets at the worse face. Nodes at folds or of
-    one cell take its largest error. `factors` (nodes, columns): at each node's time."""
+    """Estimated error (nodes,) [Pa] of von Mises stress: largest difference of a cell's stress from
+    the mean at the node (Zienkiewicz and Zhu); on sheets at the worse face. A node at a fold or in
+    one cell gets that cell's largest error. `factors` (nodes, columns): at each node's own time."""
     mesh = part.mesh
     cells_of_rank = compat.cell_index_map(mesh.dolfinx).size_local
     nodes = compat.geometry_nodes(mesh.dolfinx)[:cells_of_rank]
@@ -139,7 +139,7 @@ def stress_errors_of_part(part: MeshedStructure, shapes: Array, factors: Array) 
 
 def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> tuple[Array, Array]:
     """(stresses (C, n, 6), empty array) at the n nodes of solid cells; on sheets (larger von
-    Mises stress of both faces (C, n, 1), products of normals (C, n, 6))."""
+    Mises stress of both faces (C, n, 1), products n_i n_j of the unit normal (C, n, 6))."""
     shapes = compat.with_ghosts(part.form.space, shapes)
     is_solid = part.kind.name == "solid"
     places = [Place()] if is_solid else [Place("top"), Place("bottom")]
@@ -182,7 +182,7 @@ FOLD_EIGENVALUE = 0.93
 def _join_ranks(
     part: MeshedStructure, slots: IntArray, total: Array, count: Array, joined: np.ufunc = np.add
 ) -> None:
-    """Combine values at shared nodes over ranks in place: sums of `count`, `joined` of `total`."""
+    """Add `count`, and combine `total` by `joined`, at nodes shared between ranks, in place."""
     comm = part.mesh.comm
     parts = len(part.parts)
     if comm.size == 1:

@@ -67,7 +67,7 @@ class Reach:
 
 
 def check_reach(reach: Reach, point: Array, points: Array, nearest: int) -> None:
-    """`Reach.check` for the node `nearest` of `points` (P, 3); element size: to the next node."""
+    """`Reach.check` for node `nearest` of `points` (P, 3); element size: distance to the next."""
     x = points[nearest]
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     reach.check(
