@@ -45,7 +45,7 @@ UNKNOWN_SURFACE = "not known"
 
 
 class MeasuredBand(TypedDict):
-    """Bodies consistent with a measurement, by their free modes (as in `ModalBody`)."""
+    """Bodies that all fit one measurement, described by free modes (as in `ModalBody`)."""
 
     top: float  # upper end of the band [rad/s]
     draws: int  # number of the first bodies, which differ by noise, others by modes above the band
@@ -230,13 +230,13 @@ class LinearBody(Protocol):
 class Body:
     """Interface of a linear body for simulations; the defaults describe a structure at rest."""
 
-    #: of an impactor, m/s, > 0 toward the structure; or how it moves in space
+    #: velocity of an impactor, m/s, > 0 toward the structure; or its `Motion` in space
     velocity: float | Motion = 0.0
     #: distance that the body keeps from the structure at the start, m
     gap: float = 0.0
     #: half-space compliance of its patch, m/N, which its model contains
     local_compliance: float = 0.0
-    #: names of several contact points, which a scene takes alone; () for one
+    #: names of several contact points (for a `Scene` only); () for one contact point
     sites: tuple[str, ...] = ()
 
     @property

@@ -431,7 +431,7 @@ NO_ESTIMATE_MESSAGE = (
 
 
 def has_error_bars(model: object) -> bool:
-    """Whether impacts have error bars: from a mesh error (or its refusal), noise or `stretch`."""
+    """Whether `strain_error`, `stretch`, `info.measured` or `info.no_estimate` give error bars."""
     if not isinstance(model, Parameters):
         return False
     info = model.info
@@ -487,7 +487,7 @@ def softened_model(model: ModelType) -> ModelType:
 
 def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Array, Array, Array]:
     """(k0 (p, p), static shapes in the modes (N, p), omega (N,), modes (N, N)) of a model softened
-    by strain error energies E (p + N, p + N); `rigid` rigid motions of the sites do not soften."""
+    by strain error energies E (p + N, p + N), except for `rigid` rigid motions of the sites."""
     from scipy.linalg import block_diag  # takes long to load
 
     p = len(k0)
@@ -506,7 +506,7 @@ def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Arr
 
 
 def energy_error(model: Parameters, E: Array, weights: Array) -> float:
-    """Share of the strain errors, of energies E, in the energy; `weights`: Σ a aᵀ of amplitudes."""
+    """Error energy over strain energy; E: energies of strain errors, `weights`: Σ a aᵀ."""
     energy = float(np.sum(weights * model.stiffness))
     if energy > 0:
         return float(np.sum(weights * E)) / energy

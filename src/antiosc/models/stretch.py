@@ -105,7 +105,7 @@ class Stretch(ReprMixin):
         return np.asarray(np.where(i == j, 1, 2) * products)
 
     def pair_motion(self, a: Array, v: Array, w: Array, derivative: int) -> Array:
-        """`pairs` of a (n, m), or their first or second `derivative`; v = a', w = a'' (n, m)."""
+        """`pairs(a)` for derivative 0, else its 1st or 2nd time derivative; v = a', w = a''."""
         if derivative == 0:
             return self.pairs(a)
         if derivative == 1:
