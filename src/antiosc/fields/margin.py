@@ -72,7 +72,7 @@ class Margin(ReprMixin):
     strength : the yield strength for "yield", the least strength in tension for "tension", Pa;
         otherwise 1.
     point, time : (3,) place of the worst point, m, and time at which it occurs, s.
-    errors : least and largest value of all judged places within the errors of the mesh; the
+    errors : least and largest value at all judged points within the errors of the mesh; the
         largest is inf if the stress has no error bar. None: the value is exact.
     force_error : relative error of the contact forces, to which the stresses are proportional.
     strength_range : least and largest strength of batches of the material [Pa], if known.

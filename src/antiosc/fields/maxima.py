@@ -61,7 +61,7 @@ class BodyMotion:
 def search_of(
     history: AnyHistory, body: str, derivative: int, times: Array, *, given: bool, static: bool
 ) -> MaximumSearch:
-    """A function that finds maxima over a run or `given` times; `static`: one more column, 1."""
+    """Function that finds maxima over a run, or at `times` if `given`; `static`: add a factor 1."""
 
     def factors(at: Array) -> Array:
         """Factors (k, B) of the columns at times (k,) [s]."""

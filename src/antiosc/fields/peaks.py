@@ -75,8 +75,8 @@ class PeakField(CompletedResult):
     points : (P, 3) nodes of the mesh, m.
     values : (P,) largest value at each node.
     times : (P,) time at which it occurs, s.
-    error : bound on the relative underestimate of a value by sampling in time; None for given times
-        and for a part that stretches.
+    error : bound on the relative underestimate of a value by sampling in time; None if the caller
+        gave the times, and for a part that stretches.
     exposure : (P,) for stresses: the share of the strength, 1 at yield or failure, 0 where no
         strength is known; None for other quantities, and if no material has a strength.
     mesh_error : (P,) estimated mesh error of stresses of solids and sheets, in their unit: the
@@ -532,7 +532,7 @@ def _thickness_places(
 
 
 class PrestressedState(ReprMixin):
-    """The static state of a structure under its `Prestress`, as given by `part.prestress`.
+    """The static state of a structure under its `Prestress`, as `part.prestress` returns it.
 
     Parameters
     ----------

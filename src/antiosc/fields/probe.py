@@ -190,7 +190,7 @@ def probe(
     derivative = DERIVATIVE_ORDERS.get(quantity, 0) - is_rate
 
     def signal(run: AnyHistory, at_times: Array) -> Array:
-        """The quantity (n, places, …) of a run at times; for a rate, the motion itself."""
+        """The quantity (n, places, …) at times; for a filtered acceleration, the velocity."""
         factors = shape_factors(run, at_times, body, derivative)
         return np.stack([np.moveaxis(x @ factors.T, -1, 0) for x in columns], axis=1)
 
@@ -465,7 +465,7 @@ def probe_error(
     tol = min(max(history.error.get("force", MAX_TIME_ERROR), MIN_TIME_ERROR), MAX_TIME_ERROR)
 
     def values(run: History) -> Array:
-        """Signed components (n, c) of the quantity; for motions their vectors."""
+        """Components (n, c) of the quantity at the times of the probe."""
         return probe(structure, run, point, quantity, at, **options).reshape(len(at), -1)
 
     def largest(signal: Array) -> float:
