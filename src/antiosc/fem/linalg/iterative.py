@@ -130,7 +130,7 @@ class Multigrid(PetscSolver):
 
     backward_error = BACKWARD_ERROR
     method = "conjugate gradients with multigrid"
-    #: what its solves take beside those of a factor
+    #: text on the time of its solves relative to those of a factor
     pace = ", whose solves take ten times as long or more"
 
     @property
@@ -383,7 +383,7 @@ def _with_ones(coarse: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
 
 
 def linear_cells(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """The coarse matrix, from linear elements on the cells, of a matrix multiplied by cells."""
+    """The coarse matrix of A, which is multiplied cell by cell, from linear elements."""
     product = A.getAttr(CELLS_KEY)
     return cell_matrix(product.cells.coarse(P, empty_columns(P)), product.k, product.m)
 

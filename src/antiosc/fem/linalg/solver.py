@@ -186,11 +186,11 @@ class Solver(ABC):
     growth: float = SOLUTION_GROWTH
     #: largest ‖Ax - r‖ / (‖A‖‖x‖ + ‖r‖) that a solve may leave; sound factors leave about 1e-16
     backward_error: float = 1e-10
-    #: relative error in energy that the solves so far may have; factors leave rounding
+    #: bound on the relative error in energy of the solves so far; 0 for factors
     error: float = 0.0
-    #: forecast of a model of one site with it, where there is one
+    #: forecast of a one-site model with this solver; None: no forecast was made
     cost: Cost | None = None
-    #: largest number of right-hand sides at once for which it is the faster one
+    #: largest number of right-hand sides at once for which this solver was chosen
     columns: float = math.inf
 
     def __init__(self, A: Matrix) -> None:
@@ -203,7 +203,7 @@ class Solver(ABC):
             self._set_up()
         process.return_free_memory()
 
-        #: what the set-up took
+        #: time of the set-up
         self.seconds = time.perf_counter() - start_time
         log.info("%s of %d dofs: %.1f s", type(self).__name__, algebra.size(A), self.seconds)
 

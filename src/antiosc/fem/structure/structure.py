@@ -1,6 +1,6 @@
 """`Structure`: K and M with supports, and the one factorization that every site and mode uses.
 
-Its `matrices` come from a mesh (`antiosc.fem.structure.meshed`) and have a geometry, or are given.
+Its `matrices` come from a mesh (`antiosc.fem.structure.meshed`), or the user gives them.
 Extraction uses only their common attributes.
 
 An entry K_ij of another code is compared with √(K_ii K_jj), which it cannot exceed in a positive
@@ -341,7 +341,7 @@ class Structure(ReprMixin):
     made_of: tuple[Mesh, Family | Mapping[str, Family], Options] | None = None
     #: (the solver of K + shift·M, shift) once it is made
     _factored: tuple[Solver, float] | None = None
-    #: the same of the last expansion point
+    #: (solver, shift) of the last expansion point
     _expanded: tuple[Solver, float] | None = None
     _prestressed: antiosc.PrestressedState | None = None
 
