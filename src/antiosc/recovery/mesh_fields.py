@@ -96,7 +96,7 @@ def _at_nodes_of(
     evaluate: Callable[[PointsInCells], Array],
     factors: Array | None = None,
 ) -> Array:
-    """Components (cells · nodes, 6, columns) at the nodes of `cells`; see `PointsInCells`."""
+    """Components (cells · nodes, 6, columns) of the tensors by `evaluate` at nodes of `cells`."""
     X = part.mesh.geometry.reference_nodes
     places = np.repeat(cells, len(X)), np.tile(X, (len(cells), 1))
     tensors = evaluate(PointsInCells(part, shapes, *places, factors))
@@ -321,7 +321,7 @@ def preloaded_parts(structure: Structure, part: str | None) -> list[tuple[Member
 
 
 def _with_second_order(parts: Sequence[tuple[Member, Array]]) -> list[tuple[Member, Array]]:
-    """The parts with zero initial strains, by which second-order strains are included."""
+    """The parts with initial strains of zero, so that second-order strains are computed."""
     strained = []
     for member, shapes_of_part in parts:
         zero = np.zeros(len(member.part.part_of_cells()))
@@ -491,7 +491,7 @@ def families(structure: Structure, part: str | None = None) -> set[str]:
 
 
 def half_thickness(structure: Structure, part: str | None = None) -> float:
-    """Volume divided by surface [m] of the solids, half the mean thickness of their walls."""
+    """Volume over surface [m] of the solids: half the mean thickness of their walls."""
     meshes = [member.part.mesh for member in with_parts(structure).members(part)]
     solids = [mesh for mesh in meshes if mesh.tdim == 3]
     volume, surface = np.sum([(0.0, 0.0), *map(volume_and_surface, solids)], axis=0)

@@ -1,5 +1,5 @@
 """Position in the thickness of a sheet or the section of a beam at which a quantity is evaluated;
-largest distance of a given point from the structure.
+largest distance from the structure of a point that is moved onto it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SHEET_SURFACES = ("top", "bottom", "middle")
 
 @dataclass(frozen=True)
 class Reach:
-    """Largest distance of a given point from the structure, onto which it is projected."""
+    """Largest distance of a point from the structure, up to which it is moved onto it."""
 
     what: str  # the point in words, for messages
     #: largest distance [m]; None: `SNAP_SHARE` of the part's size, or one element
