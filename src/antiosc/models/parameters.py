@@ -108,17 +108,17 @@ class Parameters(Body):
 
     @property
     def k0_matrix(self) -> Array:
-        """k0 (p, p)."""
+        """k0 as a matrix (p, p), also for one site."""
         return np.atleast_2d(self.k0)
 
     @property
     def m0_matrix(self) -> Array:
-        """m0 (p, p)."""
+        """m0 as a matrix (p, p), also for one site."""
         return np.atleast_2d(self.m0)
 
     @property
     def inertias(self) -> Array:
-        """P (p, N) [kg^1/2]; √m for one site without a name."""
+        """Inertial couplings P (p, N) [kg^1/2]; √m for one site without a name."""
         if self.P is None:
             return np.sqrt(self.m)[None]
         return self.P
@@ -167,7 +167,7 @@ class Parameters(Body):
 
 
 def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array | None:
-    """Participation of psi from participation of lambda (Article eq. (8)); `sign` -1: inverse."""
+    """Participation of shapes psi from that of lambda (Article eq. (8)); `sign` -1: the inverse."""
     if values is None or sites:
         return values
     values = np.array(values)

@@ -41,7 +41,7 @@ def _damping_ratio(damping: Damping) -> float:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ReferenceModes:
-    """Free modes of unit mass of a Galerkin model, and its residual loads."""
+    """Free modes of unit mass of a Galerkin model, and residual loads of the model."""
 
     omega: Array  # (J,) [rad/s]; rigid-body modes are the first ones, with 0
     b: Array  # (J, p) displacements of the sites

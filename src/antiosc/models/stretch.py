@@ -113,7 +113,7 @@ class Stretch(ReprMixin):
         return 2 * (self.pairs(a, w) + self.pairs(v))
 
     def turned(self, turn: Array, omega: Array) -> Stretch:
-        """The forces in k combinations `turn` (m, k) of the modes; others respond statically."""
+        """Forces in k combinations `turn` (m, k) of the modes; other modes respond statically."""
         k = turn.shape[1]
         quadratic = _transformed(self.quadratic, turn).reshape((k,) * 3)
         cubic = _transformed(self.cubic, turn).reshape((k,) * 4)
