@@ -83,7 +83,7 @@ class PeakField(CompletedResult):
         deviation of the stresses of the cells around a node from their mean (Zienkiewicz and Zhu);
         0 in beams of the same structure; None for other structures and quantities.
     counts : (P,) for stresses: whether the margin judges a node; None for other quantities.
-    rounds : text on the rounds, cells and seconds of a stress tolerance; "" without one.
+    rounds : text on the rounds of refinement to a stress tolerance; "" without a tolerance.
     judged : node of the largest value; with a margin the worst judged point (`Margin.scope`).
     """
 
@@ -396,8 +396,8 @@ class NodalMaxima:
     def add(
         self, nodes: IntArray, found: tuple[Array, Array, float | None], strength: float, ply: int
     ) -> None:
-        """Replace maxima at `nodes` (S,) where `found` is larger; `strength`: nan if unknown;
-        `ply`: number of the ply."""
+        """Replace maxima at `nodes` (S,) where `found` has larger values. `strength` of the
+        material, nan if unknown; `ply`: number of the ply."""
         values, times, error = found
         if error is not None:
             self.error = max(self.error or 0.0, error)
