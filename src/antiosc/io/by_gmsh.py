@@ -482,7 +482,7 @@ def _volume_remarks(gmsh: ModuleType, name: str, exact: float) -> list[str]:
 
 
 def _box_diagonals(gmsh: ModuleType, names: EntityNames, scale: float) -> FileMesh:
-    """Diagonals of the boxes of all solids, or of the model, as lines; all groups hold them all."""
+    """Box diagonals of all solids, or of the model, as lines, all of which are in every group."""
     entities = solids_by_volume(gmsh) or [(-1, -1)]
     boxes = scale * np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
     lines = np.arange(2 * len(boxes)).reshape(-1, 2)

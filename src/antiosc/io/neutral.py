@@ -105,7 +105,7 @@ class Joints(TypedDict):
     dampers: list[tuple[list[MotionTerm], float]]  # N s/m
     #: (motions, their mass matrix, kg, what it adds to the total mass, kg)
     masses: list[tuple[list[list[MotionTerm]], list[list[float]], float]]
-    points: list[list[float]]  # of no element, m
+    points: list[list[float]]  # without element, m
     #: (node added in a face or a halved cell, [(node of the deck, weight in its position)])
     among: NotRequired[list[tuple[int, list[tuple[int, float]]]]]
 
@@ -116,18 +116,18 @@ class Model(TypedDict):
     #: (group of elements, class of antiosc, its arguments, the place in the deck)
     families: list[tuple[str, str, Json, str]]
     supports: list[tuple[str, list[str]]]  # (group, motions)
-    fixed_points: list[tuple[int, list[str]]]  # (number of a point of no element, motions)
+    fixed_points: list[tuple[int, list[str]]]  # (number of a point without element, motions)
     masses: list[tuple[list[float], float, list[float]]]  # (place, kg, moments of inertia)
     springs: list[tuple[list[float], dict[str, float]]]  # (place, stiffness by components)
     joints: Joints
-    ignored: list[str]  # sentences on what is not taken
+    ignored: list[str]  # sentences on what is left out
     gdim: int
-    halve: bool  # whether lines become two each
+    halve: bool  # whether each line is halved
     joined: bool  # whether the structure is an assembly
     mixed: bool  # whether its triangles stay apart from its quadrilaterals
-    apart: list[int]  # nodes that stay apart from others in their place
-    pieces: int  # that nothing joins
-    held: bool  # whether they are several and each is held
+    apart: list[int]  # nodes that are not merged with others at the same point
+    pieces: int  # number of pieces that nothing joins
+    held: bool  # whether there are several pieces, each held by supports
 
 
 @dataclass(frozen=True)
