@@ -74,7 +74,7 @@ class Cells(ABC):
         """The arrays that the argument of the C kernel points to, in double precision."""
 
     def add(self, k: float, m: float, u: Array, out: Array, linear: bool = False) -> None:
-        """Add (k K + m M) u of these cells to `out`, ghosts included; `linear`: u is linear."""
+        """Add (k K + m M) u of the cells to `out`, with ghosts; `linear`: u is linear in cells."""
         if u.dtype not in self._arguments:
             arrays = [array.astype(u.dtype, copy=False) for array in self._arrays]
             addresses = [library.address(array) for array in arrays]

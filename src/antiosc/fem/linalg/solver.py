@@ -98,12 +98,12 @@ class Cost:
 
 
 def cost_of_factor(entries: float, columns: float) -> Cost:
-    """Cost of a factor with `entries` entries, and of a model's solves of `columns` at once."""
+    """Cost of a factor with `entries` entries and of a model's solves for `columns` loads."""
     return Cost(FACTOR_ENTRY_BYTES * entries, seconds_of_factor(entries, columns))
 
 
 def seconds_of_factor(entries: float, columns: float) -> float:
-    """Time [s] of a factor with this number of entries, and of a model's solves of `columns`."""
+    """Time [s] of a factor of `entries` entries and of a model's solves for `columns` loads."""
     seconds_of_solve = SOLVE_ENTRY_SECONDS * entries * columns**BLOCK_SOLVE_EXPONENT
     return _factor_seconds(entries) + SOLVES_OF_MODEL * seconds_of_solve
 

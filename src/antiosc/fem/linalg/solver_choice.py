@@ -209,7 +209,7 @@ class MumpsFactor(PetscSolver, Factorization):
 
 
 def entries_by_mumps(A: PETSc.Mat) -> float:
-    """Entries of MUMPS's factor: b² times those for one of b dofs per node; 0 if b is 1."""
+    """Estimated entries of MUMPS's factor, from a matrix with one dof per node; 0 if A has one."""
     block = A.getBlockSize()
     if block == 1:
         return 0.0
@@ -310,7 +310,7 @@ def _iterative_solver(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = 
 
 
 def _fitting_sizes(A: PETSc.Mat, factor: float, free: float) -> LevelSizes:
-    """`_sizes_of`; OutOfMemoryError if the levels do not fit into `free` bytes."""
+    """Sizes of a two-level solver of A; OutOfMemoryError if it does not fit in `free` bytes."""
     sizes = _sizes_of(A, factor)
     noun = f"the iterative solver of {A.getSize()[0]} dofs"
     process.require_memory(sizes.bytes, noun, SMALLER_MESH_REMEDY, free)

@@ -69,8 +69,8 @@ class Support(FieldsRepr):
     Raises
     ------
     InputError
-        None or several of `where`, `near`, `box`, `plane`; when a structure is made: a support that
-        selects no node.
+        Not exactly one of `where`, `near`, `box`, `plane`, `nodes`; when a structure is made: a
+        support that selects no node.
     """
 
     where: Where = None  # type: ignore[assignment]  # where near, box or plane says it
@@ -111,7 +111,7 @@ class Support(FieldsRepr):
         store(self, fix=names)
 
     def components(self, known: Iterable[str]) -> list[str]:
-        """The fixed components among those of the structure; InputError for others."""
+        """The fixed components; InputError if the structure does not have one (`known`)."""
         names = list(known)
         if self.fix == "all":
             return names
