@@ -20,7 +20,7 @@ from antiosc.fem.elements import Layer, Section
 if TYPE_CHECKING:
     from antiosc.fem.structure.place import Place as PartPlace
 
-#: Without a length a point is moved by at most this share of the part's size, or by one element.
+#: Default limit for moving a point: this share of the part's size, or one element.
 SNAP_SHARE = 0.02
 #: Why beams of a section without an outline have no stress on it.
 NO_OUTLINE_REASON = (

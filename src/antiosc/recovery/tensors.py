@@ -549,7 +549,7 @@ def rotation(at: PointsInCells, place: Place) -> Array:
     return at.values(at.dofs(("rz",) if plane else ("rx", "ry", "rz")))
 
 
-#: What gives a quantity of parts of a kind.
+#: Quantity -> {kind of part: function that evaluates it}.
 QUANTITIES: dict[str, dict[str, Callable[..., Array]]] = {
     "displacement": dict.fromkeys(("solid", "truss", "beam", "sheet"), displacement),
     "strain": {
