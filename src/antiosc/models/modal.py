@@ -39,7 +39,7 @@ NO_SHAPES_MESSAGE = (
 )
 
 
-#: of one contact point a number, of several an array
+#: a number for one contact point, an array for several
 Value: TypeAlias = Any
 
 

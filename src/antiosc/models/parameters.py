@@ -419,7 +419,7 @@ ModelType = TypeVar("ModelType", bound=Parameters)
 LEAST_FLEXIBILITY_CHANGE = -0.5
 #: Share of an anti-oscillator in the static mass below which its mass is rounding.
 MASSLESS_SHARE = 1e-12
-#: Message for assemblies.
+#: Message for assemblies whose mesh error is not estimated.
 JOINTED_MESSAGE = (
     "the mesh's error is estimated of one mesh and of joined solids, and this is another assembly:"
     " compare with smaller cells, or with a finer deck."

@@ -27,9 +27,9 @@ Count = int | Literal["auto"]
 
 #: Most second-order modes of an impact: 30 of 58 random sheets need more than 12, 1 than 20.
 MOST_MODES = 20
-#: Most that a user may ask for: two more estimate their error.
+#: Most modes that a user may request: two more estimate their error.
 MOST_REQUESTED_MODES = MOST_MODES - 2
-#: What narrows an error of second-order forces: with smaller cells four of four bars were wider.
+#: Advice for second-order error bars: with smaller cells four of four bars were wider.
 NARROWING_REMEDY = "use an explicit finite element program: smaller elements do not narrow it"
 #: Asymmetry of the tensors over their size.
 LARGEST_ASYMMETRY = 1e-6
