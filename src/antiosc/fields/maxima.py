@@ -30,7 +30,7 @@ from antiosc.impact.histories.factors import (
 )
 from antiosc.impact.histories.parts import BodyHistory
 
-#: In double or single precision.
+#: Arrays in double or single precision.
 RealArray = NDArray[np.floating[Any]]
 #: A scalar (...,) of components (..., c), a norm.
 ScalarFunction = Callable[[Array], Array]

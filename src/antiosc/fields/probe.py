@@ -49,9 +49,9 @@ PROBED_QUANTITIES = (
     *("displacement", "velocity", "acceleration", "rotation"),
     *("strain", "stress", "von_mises", "section_forces"),
 )
-#: Those that are vectors.
+#: The quantities that are vectors.
 MOTION_QUANTITIES = PROBED_QUANTITIES[:4]
-#: Which time derivative of the coordinates a quantity is made of.
+#: Quantity -> order of the time derivative of the coordinates in it; otherwise 0.
 DERIVATIVE_ORDERS = {"velocity": 1, "acceleration": 2}
 #: Gauss points along a strain gauge: an even number, since its middle often lies between two cells.
 GAUGE_POINT_COUNT = 6
