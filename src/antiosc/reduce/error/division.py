@@ -78,7 +78,7 @@ MOST_FIRST_CELLS = 6000
 UNLIMITED_SIZE = 1e6
 #: Growth and reach of the small sizes at the site in the first mesh of a geometry.
 FIRST_GRADING = (0.5, 1.5)
-#: Those in all further meshes, where they only keep the patch resolved.
+#: Growth and reach in all further meshes, where small cells only keep the patch resolved.
 LATER_GRADING = (0.7, 1.5)
 #: Least number of lines on the longest diagonal of a part, as many as `advise` takes.
 LEAST_LINES = 8

@@ -58,7 +58,7 @@ CG_RESIDUAL, CG_STEPS = 1e-5, 200
 #: recovery sees a half of the error at 0.45 and a fifth at 0.4999 (clamped bars, plane strain).
 LOCKING_POISSON = 0.4
 TRUSS_REFUSAL = "the nodes of a truss are hinges, so that no mesh could be finer."
-#: What no mesh tells of.
+#: Text on the error that no mesh refinement shows.
 THEORY_NOTE = "Not included: the error of {} theory itself."
 #: Share of an element within which a site is at its end.
 NODE_SHARE = 1e-3

@@ -69,7 +69,7 @@ BASIS_STEP = 16
 
 #: Largest number of steps over anti-oscillators wanted: at symmetric sites half have no share in Z.
 STEPS_PER_MODE = 3
-#: Steps in addition to those.
+#: Steps in addition to this number.
 EXTRA_STEPS = 20
 
 

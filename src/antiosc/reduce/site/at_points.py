@@ -67,7 +67,7 @@ def functionals_at(structure: PartsMatrices, sites: Sequence[Site]) -> list[Func
 
 
 def _on_q(structure: PartsMatrices, site: Site, functional: Functional) -> Functional:
-    """The functional with loads on the reduced dofs q instead of u; SiteError if it is fixed."""
+    """The functional with loads on the reduced dofs q, not u; SiteError for a fixed site."""
     B = structure.joined(functional.B)
     comm = structure.comm
     if norm(comm, B[:, 0]) <= LEAST_FREE_SHARE * norm(comm, functional.b):
@@ -212,7 +212,7 @@ def _sites_on_mesh(
     return sites_found
 
 
-#: Of a direction that leaves the material: a contact pushes.
+#: Warning for a direction that points out of the material, as a contact can only push.
 TURNED_WARNING = "the direction of the site at {} leaves the material there: it is turned into it."
 
 
