@@ -66,11 +66,11 @@ class ProductCost:
     seconds: float  # of an iteration
 
 
-#: From the entries; their number is that of A.
+#: Products by stored entries.
 STORED_PRODUCTS = ProductCost(math.nan, 6.0, 20.0, 8e-9)
-#: From straight isotropic tetrahedra (by aggregates a bracket of 1.65 million dofs).
+#: Products by straight isotropic tetrahedra (by aggregates a bracket of 1.65 million dofs).
 STRAIGHT_PRODUCTS = ProductCost(80.0, 4.5, 5.0, 1.1e-9)
-#: What curved ones add to that: their kernel takes 155 ns a cell, with the points of smoothing 48
+#: Cost that curved cells add: their kernel takes 155 ns a cell, with the points of smoothing 48
 #: and 60 in single and double precision, that of straight ones 26 and 34 (with AVX-512; 35 and 63
 #: without); they have 2 kB a cell.
 CURVED_PRODUCTS = ProductCost(80.0, 5.5, 5.5, 0.6e-9)

@@ -221,7 +221,7 @@ def entries_by_mumps(A: PETSc.Mat) -> float:
 
 #: Bytes for each entry of A of an analysis of its factor: copies of A.
 ANALYSIS_BYTES = 20.0
-#: Remedy where neither fits.
+#: Remedy if neither a factor nor two levels fit in memory.
 SMALLER_MESH_REMEDY = "use a coarser mesh or elements of order 1, or a machine with more memory"
 #: Entries of a factor over rows^(4/3), for the most compact bodies: cubes of quadratic tetrahedra.
 COMPACT_FILL = 35.0

@@ -181,7 +181,7 @@ class DofPlaces:
         return result
 
     def polynomials(self, comm: MPI.Comm, centre: Array, size: float) -> Array:
-        """Fields (dofs, k) of degree <= 2 in (x − centre)/size; half their curl as rotations."""
+        """Fields (dofs, k) of degree <= 2 in (x − centre)/size; rotations are half their curl."""
         s = (self.nodes - centre) / size
         axes = np.flatnonzero(comm.allreduce(self.axes[self.kind == MOVE].any(axis=0)))
         powers: list[tuple[int, ...]] = [(), *((j,) for j in axes)]

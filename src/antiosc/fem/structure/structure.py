@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from antiosc.fem.structure.meshed import MeshedStructure, PartsMatrices
     from antiosc.fem.structure.support import Support
 
-#: Of the algebra: "auto" is PETSc where it is installed.
+#: Library of the linear algebra: "auto" is PETSc if it is installed.
 Backend = Literal["auto", "petsc", "scipy"]
 BACKENDS = get_args(Backend)
 #: (row, column, value) of entries of a matrix
@@ -58,7 +58,7 @@ MIRROR_TOLERANCE = 1e-9
 ENTRY_ROUNDING = 1e-15
 #: Diagonal entry of a held dof over its row's others: it moves 1e-14 of what its neighbours do.
 PENALTY_OVER_ROW = 1e14
-#: The same entry over the typical one of all rows.
+#: Diagonal entry of a held dof over the typical diagonal entry of all rows.
 PENALTY_OVER_TYPICAL = 1e12
 #: A coupling that leaves less than four digits of what is coupled.
 DOMINANT_RATIO = 1e12
