@@ -222,7 +222,7 @@ class Lanczos:
         return int(np.sum(shares_at_sites(self._static.k0, m0, P, poles) > tol))
 
     def with_recurrence(self, modes: Modes) -> Modes:
-        """The modes with their `Recurrence`, from one more step. Left out if solves are inexact,
+        """The modes with their `Recurrence`, from one more step; without it if solves are inexact,
         dampers exist, an omitted rigid mode moves a site, or several sites exhaust the space."""
         static, solver = self._static, self._solver
         omitted = np.abs(static.missed * np.sqrt(static.mass.diagonal())).max(initial=0.0)
