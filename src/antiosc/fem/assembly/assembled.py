@@ -402,7 +402,7 @@ def block_diagonal(layout: Layout, matrices: Mapping[str, PETSc.Mat]) -> Sparse:
 def product_by_parts(
     layout: Layout, work: Callable[[MeshedStructure, Array], Array], u: Array
 ) -> Array:
-    """Vectors (n, k) on u, with the rows `work(part, rows of u)` of each meshed part."""
+    """Vectors (n, k) on u; the rows of a meshed part are `work(part, its rows of u)`."""
     result = np.zeros(u.shape)
     for member in layout.members.values():
         result[member.rows] = work(member.part, u[member.rows])

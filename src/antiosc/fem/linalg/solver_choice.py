@@ -87,7 +87,7 @@ def use_strain_product(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat) -> None
 
 
 class SolverByStrains(Solver):
-    """Conjugate gradients with A's product by strains; a solver of A's entries preconditions."""
+    """Conjugate gradients with products by strains, preconditioned by a solver of A's entries."""
 
     growth = SOLUTION_GROWTH_BY_STRAINS
 
@@ -291,7 +291,7 @@ def _two_levels_if_faster(
 
 
 def _iterative_solver(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = None) -> Multigrid:
-    """The iterative solver; OutOfMemoryError before its matrices are made."""
+    """The iterative solver; OutOfMemoryError, before it is made, if its matrices do not fit."""
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     prolongation = levels.prolongation()
     solver: Multigrid

@@ -472,7 +472,7 @@ def cell_dofs(space: fem.FunctionSpace, path: Sequence[int], cells: IntArray) ->
 
 
 def _nodes(space: fem.FunctionSpace) -> IntArray:
-    """Blocks of dofs of every cell of this rank: (cells, nodes)."""
+    """Numbers of the dof blocks of every cell of this rank: (cells, nodes)."""
     return _table(space.dofmap.list, space.dofmap.dof_layout.num_dofs)
 
 

@@ -104,7 +104,7 @@ class PointMotion:
     """Motion of a point as six rows of a matrix on u: displacements x, y, z, then rotations."""
 
     functionals: Sparse  # (6, n) functionals of the displacement, then of the rotation
-    space: Array  # (6, 6) projection on those that the point has: on a solid no rotation
+    space: Array  # (6, 6) projection onto motions that the point has: on a solid no rotation
     point: Array  # (3,) coordinates, m
 
     @cached_property
