@@ -50,7 +50,7 @@ class ReferenceModes:
     shift: float  # s [rad²/s²]
 
     def _factors(self, square: Array, by: dict[int, Array | float]) -> Array:
-        """Factors (k, 5, J) square^(1/2) `residual` × values; `by`: values by number, 0 to 4."""
+        """Factors (k, 5, J) as in `drive`: square^(1/2) `residual` times `by`, values by number."""
         x, U = np.linalg.eigh(square)
         root = (U * np.sqrt(np.maximum(x, 0.0))) @ U.T
         weights = root @ self.residual
