@@ -266,7 +266,7 @@ def _static_state_strain(at: ColumnFunction, structure: Structure, shapes: Array
 def with_pair_columns(
     at: ColumnFunction, structure: Structure, history: AnyHistory, body: str, shapes: Array
 ) -> Array:
-    """Strains or stresses (…, B) of `shapes` to second order; pairs of modes come last."""
+    """Strains or stresses (…, B) of `shapes` to second order, columns of pairs of modes last."""
     forces = stretch_of_motion(history, body)
     if forces is None:
         linear = at(shapes, False)

@@ -36,7 +36,7 @@ CRITERION_TEXTS: dict[str, tuple[str, str]] = {
     "tsai_wu": ("break", "Tsai–Wu"),
     "delamination": ("delaminate", "interlaminar shear"),
 }
-#: What happens for certain.
+#: Verb of a failure -> the verb if the failure is certain.
 CERTAIN_TEXTS = {"bend for good": "bends for good", "break": "breaks", "delaminate": "delaminates"}
 #: The answer of a stress whose bounds lie below the strength.
 ELASTIC = "it stays elastic"
@@ -48,7 +48,7 @@ STRESS_NAMES = {
     "yield": ("von Mises stress", "yield strength"),
     "tension": ("tension", "strength in bending tests"),
 }
-#: Jumps of the stress over itself from which it has no bar.
+#: Jump of the stress over the stress from which it has no error bar.
 UNRESOLVED_JUMP = 0.5
 #: Largest size of cells over the radius of a contact that they resolve.
 RESOLVED_SIZE_RATIO = 2.0
@@ -72,7 +72,7 @@ class Margin(ReprMixin):
     strength : the yield strength for "yield", the least strength in tension for "tension", Pa;
         otherwise 1.
     point, time : (3,) place of the worst point, m, and time at which it occurs, s.
-    errors : least and largest value of all judged places within the errors of the mesh; the
+    errors : least and largest value at all judged points within the errors of the mesh; the
         largest is inf if the stress has no error bar. None: the value is exact.
     force_error : relative error of the contact forces, to which the stresses are proportional.
     strength_range : least and largest strength of batches of the material [Pa], if known.

@@ -30,7 +30,7 @@ from antiosc.impact.histories.factors import (
 )
 from antiosc.impact.histories.parts import BodyHistory
 
-#: In double or single precision.
+#: Arrays in double or single precision.
 RealArray = NDArray[np.floating[Any]]
 #: A scalar (...,) of components (..., c), a norm.
 ScalarFunction = Callable[[Array], Array]
@@ -61,7 +61,7 @@ class BodyMotion:
 def search_of(
     history: AnyHistory, body: str, derivative: int, times: Array, *, given: bool, static: bool
 ) -> MaximumSearch:
-    """A function that finds maxima over a run or `given` times; `static`: one more column, 1."""
+    """Function that finds maxima over a run, or at `times` if `given`; `static`: add a factor 1."""
 
     def factors(at: Array) -> Array:
         """Factors (k, B) of the columns at times (k,) [s]."""

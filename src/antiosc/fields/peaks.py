@@ -75,15 +75,15 @@ class PeakField(CompletedResult):
     points : (P, 3) nodes of the mesh, m.
     values : (P,) largest value at each node.
     times : (P,) time at which it occurs, s.
-    error : bound on the relative underestimate of a value by sampling in time; None for given times
-        and for a part that stretches.
+    error : bound on the relative underestimate of a value by sampling in time; None if the caller
+        gave the times, and for a part that stretches.
     exposure : (P,) for stresses: the share of the strength, 1 at yield or failure, 0 where no
         strength is known; None for other quantities, and if no material has a strength.
     mesh_error : (P,) estimated mesh error of stresses of solids and sheets, in their unit: the
         deviation of the stresses of the cells around a node from their mean (Zienkiewicz and Zhu);
         0 in beams of the same structure; None for other structures and quantities.
     counts : (P,) for stresses: whether the margin judges a node; None for other quantities.
-    rounds : text on the rounds, cells and seconds of a stress tolerance; "" without one.
+    rounds : text on the rounds of refinement to a stress tolerance; "" without a tolerance.
     judged : node of the largest value; with a margin the worst judged point (`Margin.scope`).
     """
 
@@ -396,8 +396,8 @@ class NodalMaxima:
     def add(
         self, nodes: IntArray, found: tuple[Array, Array, float | None], strength: float, ply: int
     ) -> None:
-        """Replace maxima at `nodes` (S,) where `found` is larger; `strength`: nan if unknown;
-        `ply`: number of the ply."""
+        """Replace maxima at `nodes` (S,) where `found` has larger values. `strength` of the
+        material, nan if unknown; `ply`: number of the ply."""
         values, times, error = found
         if error is not None:
             self.error = max(self.error or 0.0, error)
@@ -532,7 +532,7 @@ def _thickness_places(
 
 
 class PrestressedState(ReprMixin):
-    """The static state of a structure under its `Prestress`, as given by `part.prestress`.
+    """The static state of a structure under its `Prestress`, as `part.prestress` returns it.
 
     Parameters
     ----------

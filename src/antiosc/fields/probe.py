@@ -49,9 +49,9 @@ PROBED_QUANTITIES = (
     *("displacement", "velocity", "acceleration", "rotation"),
     *("strain", "stress", "von_mises", "section_forces"),
 )
-#: Those that are vectors.
+#: The quantities that are vectors.
 MOTION_QUANTITIES = PROBED_QUANTITIES[:4]
-#: Which time derivative of the coordinates a quantity is made of.
+#: Quantity -> order of the time derivative of the coordinates in it; otherwise 0.
 DERIVATIVE_ORDERS = {"velocity": 1, "acceleration": 2}
 #: Gauss points along a strain gauge: an even number, since its middle often lies between two cells.
 GAUGE_POINT_COUNT = 6
@@ -190,7 +190,7 @@ def probe(
     derivative = DERIVATIVE_ORDERS.get(quantity, 0) - is_rate
 
     def signal(run: AnyHistory, at_times: Array) -> Array:
-        """The quantity (n, places, …) of a run at times; for a rate, the motion itself."""
+        """The quantity (n, places, …) at times; for a filtered acceleration, the velocity."""
         factors = shape_factors(run, at_times, body, derivative)
         return np.stack([np.moveaxis(x @ factors.T, -1, 0) for x in columns], axis=1)
 
@@ -465,7 +465,7 @@ def probe_error(
     tol = min(max(history.error.get("force", MAX_TIME_ERROR), MIN_TIME_ERROR), MAX_TIME_ERROR)
 
     def values(run: History) -> Array:
-        """Signed components (n, c) of the quantity; for motions their vectors."""
+        """Components (n, c) of the quantity at the times of the probe."""
         return probe(structure, run, point, quantity, at, **options).reshape(len(at), -1)
 
     def largest(signal: Array) -> float:

@@ -222,7 +222,7 @@ def _extreme_responses(t: Array, a: Array, f: float, Q: float, signal: str) -> t
 
 
 def _oscillator_acceleration(f: float, Q: float, h: float, hold: str, x: Array) -> Array:
-    """Absolute acceleration of an oscillator at steps of h [s]; x is constant ("zoh") or linear."""
+    """Absolute acceleration at steps of h [s]; in a step x is constant (`hold` "zoh") or linear."""
     from scipy.signal import cont2discrete, lfilter, ss2tf  # which take long to load
 
     w = 2 * np.pi * f

@@ -51,7 +51,7 @@ AUTOMATIC_LABEL = re.compile(
 )
 #: Radii, axes and angles that differ by this share are equal.
 CYLINDER_TOLERANCE = 1e-3
-#: What is said of a CAD file without shapes, and of a STEP file that says so of itself.
+#: Reasons in the error for a CAD file without shapes, and for one with an analysis.
 NO_SHAPES_REASON = (
     "it holds no shapes, as an assembly whose parts are files of their own; open one of these, or "
     "write the assembly with its parts in one file"
@@ -69,7 +69,7 @@ MOST_CELLS = 10_000_000
 MESHING_TIME_LIMIT = 120.0
 #: Least size of elements by the curvature over the one that is asked for.
 LEAST_CURVATURE_SIZE = 0.02
-#: Share of the volume by which a mesh may differ without a word, and words of what is told.
+#: Share of the volume by which a mesh may differ without a remark; phrase of the remark.
 VOLUME_TOLERANCE, CORNERS_CUT_PHRASE = 5e-3, "elements cut off bends and holes"
 #: Number of regular simplices with edges of length 1 per unit of length, area or volume.
 REGULAR_CELL_DENSITY = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
@@ -482,7 +482,7 @@ def _volume_remarks(gmsh: ModuleType, name: str, exact: float) -> list[str]:
 
 
 def _box_diagonals(gmsh: ModuleType, names: EntityNames, scale: float) -> FileMesh:
-    """Diagonals of the boxes of all solids, or of the model, as lines; all groups hold them all."""
+    """Box diagonals of all solids, or of the model, as lines, all of which are in every group."""
     entities = solids_by_volume(gmsh) or [(-1, -1)]
     boxes = scale * np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
     lines = np.arange(2 * len(boxes)).reshape(-1, 2)

@@ -90,13 +90,13 @@ class Deck:
     #: names of the parts (sets of elements) that a model is made of; None: of all elements
     wanted_parts: list[str] | None = None
     pieces: list[Piece] = field(default_factory=list)  # these, if one of several is read
-    #: which of the pieces that share no node a model is made of, 1: the largest; None: of all
+    #: rank in size of the only connected piece in the model, 1: the largest; None: all pieces
     piece: int | None = None
     without_supports: bool = False  # whether the supports are left out of a model
     without_contact: bool = False  # whether contact is left out; else the pairs that touch are tied
     #: materials, sections, supports, masses in SI units, if they were requested
     model: Model | None = None
-    #: numbers of the first nodes in the file
+    #: numbers in the file of the first len(labels) nodes
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @property
@@ -148,7 +148,7 @@ class NodeTable:
         #: middle node of each pair that has one
         self.middles = PairTable(len(points))
 
-        #: weights of the middles of pairs that are set, and the row of each
+        #: weights `_placed` that were set for middles of pairs, and the row of each pair in them
         self._places = PairTable(len(points))
         self._placed = self.weights[:0]
         self._faces = PairTable(len(points))  # by the diagonal from the lowest corner

@@ -219,13 +219,13 @@ class Request:
     solid: bool = False  # fill a closed surface
     by_ftetwild: bool = False  # fill it by fTetWild, as gmsh cannot
     fragments: bool = False  # cut the solids of an assembly at each other, so that they share nodes
-    #: the solid alone that is meshed, by its volume: 1 is the largest; None: all
+    #: rank in volume of the only solid that is meshed, 1: the largest; None: all solids
     piece: int | None = None
     outline: bool = False  # the box around a geometry and its groups alone, without a mesh
     trust: bool = False  # whether all commands of gmsh are permitted
     timeout: float | None = None  # time limit, s; None: processor time, chosen for the kind of file
     unit: Sequence[float] = (1.0, 1.0)  # units of the file: m, N
-    #: options for reading a deck's materials, sections, supports and masses; None: do not
+    #: options for reading a deck's materials, sections, supports and masses; None: not read
     model: ModelOptions | None = None
     memory: int = 2**33  # address space in bytes
     started: float = field(default_factory=time.monotonic)  # when the process began, s
@@ -261,7 +261,7 @@ class FileReader(NamedTuple):
 
     read: Callable[[Request], FileMesh]
     model: bool = False  # whether the files may contain whole models, for `read_model`
-    #: whether a file that begins with these bytes is of this type; None: the ending says it
+    #: whether a file that begins with these bytes is of this type; None: its ending decides
     matches: Callable[[bytes], bool] | None = None
 
 

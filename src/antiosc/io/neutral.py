@@ -103,10 +103,10 @@ class Joints(TypedDict):
     equations: list[list[MotionTerm]]  # sums that are zero, the dependent motion first
     springs: list[tuple[list[MotionTerm], float]]  # N/m
     dampers: list[tuple[list[MotionTerm], float]]  # N s/m
-    #: (motions, their mass matrix, kg, the mass of it that counts, kg)
+    #: (motions, their mass matrix, kg, what it adds to the total mass, kg)
     masses: list[tuple[list[list[MotionTerm]], list[list[float]], float]]
-    points: list[list[float]]  # of no element, m
-    #: node of a face or of a half -> those of the deck among which it lies, with weights
+    points: list[list[float]]  # without element, m
+    #: (node added in a face or a halved cell, [(node of the deck, weight in its position)])
     among: NotRequired[list[tuple[int, list[tuple[int, float]]]]]
 
 
@@ -116,18 +116,18 @@ class Model(TypedDict):
     #: (group of elements, class of antiosc, its arguments, the place in the deck)
     families: list[tuple[str, str, Json, str]]
     supports: list[tuple[str, list[str]]]  # (group, motions)
-    fixed_points: list[tuple[int, list[str]]]  # (number of a point of no element, motions)
+    fixed_points: list[tuple[int, list[str]]]  # (number of a point without element, motions)
     masses: list[tuple[list[float], float, list[float]]]  # (place, kg, moments of inertia)
     springs: list[tuple[list[float], dict[str, float]]]  # (place, stiffness by components)
     joints: Joints
-    ignored: list[str]  # sentences on what is not taken
+    ignored: list[str]  # sentences on what is left out
     gdim: int
-    halve: bool  # whether lines become two each
+    halve: bool  # whether each line is halved
     joined: bool  # whether the structure is an assembly
     mixed: bool  # whether its triangles stay apart from its quadrilaterals
-    apart: list[int]  # nodes that stay apart from others in their place
-    pieces: int  # that nothing joins
-    held: bool  # whether they are several and each is held
+    apart: list[int]  # nodes that are not merged with others at the same point
+    pieces: int  # number of pieces that nothing joins
+    held: bool  # whether there are several pieces, each held by supports
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ class FileMesh:
     remarks: list[str] = field(default_factory=list)
     #: materials, sections, supports and masses as values for JSON, if a model was requested
     model: Model | None = None
-    #: numbers of the first nodes in the file, -1 for nodes without one; empty: no numbers
+    #: numbers in the file of the first nodes, -1 for nodes without one; empty: no numbers
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     #: pieces that can be read alone, by rank; empty: there is one piece, or they are not known
     pieces: list[Piece] = field(default_factory=list)
@@ -206,11 +206,11 @@ class RawMesh:
     kind: CellKind
     #: name -> {dimension: (entities, vertices of one)}
     groups: dict[str, dict[int, IntArray]] = field(default_factory=dict)
-    #: number of each node in the file's mesh
+    #: index of each node among the nodes of the `FileMesh`
     numbers: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     remarks: list[str] = field(default_factory=list)
     model: Model | None = None
-    #: of all nodes if of any
+    #: number of each node in the file; empty: no numbers
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     pieces: list[Piece] = field(default_factory=list)
 
@@ -334,7 +334,7 @@ class UnitSystem:
 
 
 def row_hashes(rows: NDArray[Any]) -> NDArray[np.uint64]:
-    """Hash (n,) of each row, whatever the order in it; rows collide with probability 1e-19."""
+    """Hash (n,) of each row, for any order of its entries; two rows collide with odds of 1e-19."""
     mixed = np.zeros(len(rows), dtype=np.uint64)
 
     with np.errstate(over="ignore"):

@@ -45,7 +45,7 @@ UNKNOWN_SURFACE = "not known"
 
 
 class MeasuredBand(TypedDict):
-    """Bodies consistent with a measurement, by their free modes (as in `ModalBody`)."""
+    """Bodies that all fit one measurement, described by free modes (as in `ModalBody`)."""
 
     top: float  # upper end of the band [rad/s]
     draws: int  # number of the first bodies, which differ by noise, others by modes above the band
@@ -230,13 +230,13 @@ class LinearBody(Protocol):
 class Body:
     """Interface of a linear body for simulations; the defaults describe a structure at rest."""
 
-    #: of an impactor, m/s, > 0 toward the structure; or how it moves in space
+    #: velocity of an impactor, m/s, > 0 toward the structure; or its `Motion` in space
     velocity: float | Motion = 0.0
     #: distance that the body keeps from the structure at the start, m
     gap: float = 0.0
     #: half-space compliance of its patch, m/N, which its model contains
     local_compliance: float = 0.0
-    #: names of several contact points, which a scene takes alone; () for one
+    #: names of several contact points (for a `Scene` only); () for one contact point
     sites: tuple[str, ...] = ()
 
     @property
@@ -330,9 +330,9 @@ def several_sites_message(name: str, sites: tuple[str, ...]) -> str:
 #: c/ω (L. Cremer, M. Heckl, *Structure-Borne Sound*, 1988). On an aluminium sheet of 1 mm
 #: triangles of 0.2, 0.3, 0.5 and 1 wave changed the peak force by up to 2, 4, 47 and 100 %.
 LARGE_CELL_WAVES = 0.5
-#: The same to cells of half the size: from a wavelength on both meshes are too stiff alike.
+#: Limit of this ratio if cells of half the size are compared: above, both meshes are too stiff.
 LARGE_DIVIDED_CELL_WAVES = 1.0
-#: The same of the width of a patch: at 0.6 of a wave the mesh's error held the force, at 0.86 not.
+#: Limit for the width of a patch: the error bar held the true force at 0.6 of a wave, not at 0.86.
 LARGE_PATCH_WAVES = 0.75
 
 
@@ -395,7 +395,7 @@ def coarse_cell_warning(model: object, site: str, contact_time: float) -> str:
     )
 
 
-#: Reasons.
+#: Reasons why a site of a map is doubtful.
 CUT_PATCH = "an edge cuts the patch"
 NEAR_SUPPORT = "a support is within two radii of the patch"
 EDGE_STRUCK = "an edge or a corner is struck"
@@ -403,7 +403,7 @@ NARROW_HOLLOW = "a hollow is too narrow for the striker"
 PIERCED_PART = "the striker pierces the part elsewhere"
 NO_RESULT = "the impact has no result"
 BEYOND_WALL = "the force exceeds that on a wall"
-#: Reason -> what leaves fewer doubtful sites.
+#: Reason -> advice that leaves fewer doubtful sites.
 REMEDIES = {
     CUT_PATCH: "take a smaller radius of the patch, on cells not larger than it"
     f" ({CELL_ARGUMENTS})",

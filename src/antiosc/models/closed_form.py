@@ -183,7 +183,7 @@ class StruckBeam:
         self, n: int, *, held: bool = True
     ) -> tuple[PolynomialBeam, Array, Array, Array]:
         """(beam, √Ω (n,), shapes, b (n,)) of the n lowest modes that move the site by b. With
-        `held`, constraint modes and their inertial coupling c to the static shape instead of b."""
+        `held`: constraint modes, and instead of b their inertial coupling to the static shape."""
         count = n + 2
         while True:
             solved = self._in_polynomials(count)
@@ -203,7 +203,7 @@ class PolynomialBeam:
 
     Attributes
     ----------
-    at_site, moved : (size,) deflection of the site, momentum across the beam.
+    at_site, moved : (size,) deflection of the site and transverse momentum, per unit coefficient.
     rigid, hidden : (size, r) M-orthonormal rigid-body modes, and rigid-body modes with the site at
         rest.
     static : (size,) φ_st, or with rigid-body modes the rigid motion that moves the site by 1.

@@ -54,7 +54,7 @@ class SiteModels:
     k0: Array
     m0: Array
     m_st: Array
-    #: omega, m: (S, n) ascending [rad/s], masses [kg]; rows of fewer end in m = 0, omega = inf
+    #: omega, m: (S, n) ascending [rad/s], masses [kg]; missing ones: omega = inf, m = 0
     omega: Array
     m: Array
 
@@ -160,7 +160,7 @@ def residual_parameters(
     omega: Array, b: Array, C: Array, G: Array | None, shift: float = 0.0
 ) -> tuple[Array, Array]:
     """Compliance r (S,) [m/N] and inertia s (S,) of the truncated modes: C, G (S,) of all modes
-    minus those of the modes `omega` (J,), b (S, J). Without mass s = 0; without any, r = 0 too."""
+    minus those of the modes `omega` (J,), b (S, J). Without G s = 0; for all modes r = s = 0."""
     x = omega**2 + shift
     modal = b**2 @ (1 / x)
     heavy = b**2 @ (1 / x**2)

@@ -39,7 +39,7 @@ NO_SHAPES_MESSAGE = (
 )
 
 
-#: of one contact point a number, of several an array
+#: a number for one contact point, an array for several
 Value: TypeAlias = Any
 
 
@@ -111,8 +111,8 @@ def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | Non
 class ModalBase(ReprMixin):
     """Common base of bodies with one contact point (`ModalBody`) and with several (`SiteModes`).
 
-    The arrays of a `ModalBody` have no axis for its one contact point. `B`, `R`, `columns` and
-    `axes` describe P >= 1 columns for both.
+    The arrays of a `ModalBody` have no axis for its one contact point. For both, `B`,
+    `R`, `columns` and `axes` have P >= 1 columns, each a contact point with a direction.
     """
 
     omega: Array
@@ -368,7 +368,7 @@ class ModalBody(ModalBase):
 
     @cached_property
     def mobility(self) -> float:
-        """Inverse effective mass [1/kg] at the contact point, moved rigidly or statically."""
+        """1 / effective mass [1/kg] at the site: of rigid-body modes, else of the static shape."""
         rigid = self.omega == 0
         b = self.b[rigid]
         if b.any():

@@ -90,7 +90,7 @@ class Inertia(ReprMixin):
         return np.asarray(amplitudes @ turning @ np.linalg.pinv(tensor, rcond=INERTIALESS_SHARE))
 
     def moved(self, momenta: Array, about: Array) -> Array:
-        """(P, L) (..., 6) about the point `about` (3,), of `momenta` about the reference point."""
+        """Momenta (P, L) (..., 6) about `about` (3,), from `momenta` about the reference point."""
         momenta = checks.floats("momenta", momenta, None)
         about = checks.floats("about", about, (3,))
         if momenta.ndim == 0 or momenta.shape[-1] != 6:

@@ -108,17 +108,17 @@ class Parameters(Body):
 
     @property
     def k0_matrix(self) -> Array:
-        """k0 (p, p)."""
+        """k0 as a matrix (p, p), also for one site."""
         return np.atleast_2d(self.k0)
 
     @property
     def m0_matrix(self) -> Array:
-        """m0 (p, p)."""
+        """m0 as a matrix (p, p), also for one site."""
         return np.atleast_2d(self.m0)
 
     @property
     def inertias(self) -> Array:
-        """P (p, N) [kg^1/2]; √m for one site without a name."""
+        """Inertial couplings P (p, N) [kg^1/2]; √m for one site without a name."""
         if self.P is None:
             return np.sqrt(self.m)[None]
         return self.P
@@ -167,7 +167,7 @@ class Parameters(Body):
 
 
 def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array | None:
-    """Participation of psi from participation of lambda (Article eq. (8)); `sign` -1: inverse."""
+    """Participation of shapes psi from that of lambda (Article eq. (8)); `sign` -1: the inverse."""
     if values is None or sites:
         return values
     values = np.array(values)
@@ -419,7 +419,7 @@ ModelType = TypeVar("ModelType", bound=Parameters)
 LEAST_FLEXIBILITY_CHANGE = -0.5
 #: Share of an anti-oscillator in the static mass below which its mass is rounding.
 MASSLESS_SHARE = 1e-12
-#: Message for assemblies.
+#: Message for assemblies whose mesh error is not estimated.
 JOINTED_MESSAGE = (
     "the mesh's error is estimated of one mesh and of joined solids, and this is another assembly:"
     " compare with smaller cells, or with a finer deck."
@@ -431,7 +431,7 @@ NO_ESTIMATE_MESSAGE = (
 
 
 def has_error_bars(model: object) -> bool:
-    """Whether impacts have error bars: from a mesh error (or its refusal), noise or `stretch`."""
+    """Whether `strain_error`, `stretch`, `info.measured` or `info.no_estimate` give error bars."""
     if not isinstance(model, Parameters):
         return False
     info = model.info
@@ -487,7 +487,7 @@ def softened_model(model: ModelType) -> ModelType:
 
 def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Array, Array, Array]:
     """(k0 (p, p), static shapes in the modes (N, p), omega (N,), modes (N, N)) of a model softened
-    by strain error energies E (p + N, p + N); `rigid` rigid motions of the sites do not soften."""
+    by strain error energies E (p + N, p + N), except for `rigid` rigid motions of the sites."""
     from scipy.linalg import block_diag  # takes long to load
 
     p = len(k0)
@@ -506,7 +506,7 @@ def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Arr
 
 
 def energy_error(model: Parameters, E: Array, weights: Array) -> float:
-    """Share of the strain errors, of energies E, in the energy; `weights`: Σ a aᵀ of amplitudes."""
+    """Error energy over strain energy; E: energies of strain errors, `weights`: Σ a aᵀ."""
     energy = float(np.sum(weights * model.stiffness))
     if energy > 0:
         return float(np.sum(weights * E)) / energy

@@ -41,7 +41,7 @@ def _damping_ratio(damping: Damping) -> float:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ReferenceModes:
-    """Free modes of unit mass of a Galerkin model, and its residual loads."""
+    """Free modes of unit mass of a Galerkin model, and residual loads of the model."""
 
     omega: Array  # (J,) [rad/s]; rigid-body modes are the first ones, with 0
     b: Array  # (J, p) displacements of the sites
@@ -50,7 +50,7 @@ class ReferenceModes:
     shift: float  # s [rad²/s²]
 
     def _factors(self, square: Array, by: dict[int, Array | float]) -> Array:
-        """Factors (k, 5, J) that give square^(1/2) f; `by`: values (J,) by number of the factor."""
+        """Factors (k, 5, J) as in `drive`: square^(1/2) `residual` times `by`, values by number."""
         x, U = np.linalg.eigh(square)
         root = (U * np.sqrt(np.maximum(x, 0.0))) @ U.T
         weights = root @ self.residual
@@ -163,8 +163,8 @@ def recurrence_of(
     dropped: float | None,
 ) -> Recurrence | None:
     """The recurrence with start = VᵀMΦ and H = VᵀMV, up to the last block that couples only with
-    its neighbours; None if there is none. `ends`: last vector of each block; `dropped`: length of
-    a next vector that consists of rounding."""
+    its neighbours; None with fewer than two such blocks. `ends`: number of vectors up to the end
+    of each block; `dropped`: length of what was dropped as rounding of a next vector, if any."""
     size_of = np.sqrt(np.maximum(H.diagonal(), 0.0))  # of V; the next lines by Cauchy and Schwarz
     beside = np.abs(H / size_of.max())
     for first, last in zip((0, *ends), (*ends[1:], len(H)), strict=False):

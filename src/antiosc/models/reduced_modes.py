@@ -110,7 +110,7 @@ def free_modes(model: Parameters) -> ModalBody | SiteModes:
 
 
 def _with_hidden(shape: Array, hidden: int) -> Array:
-    """`shape` (size, J) with `hidden` coordinates appended, each of which is a mode put first."""
+    """`shape` (size, J) with `hidden` rows appended; the modes of these rows are put first."""
     padded = np.pad(shape, ((0, hidden), (hidden, 0)))
     padded[len(shape) :, :hidden] = np.eye(hidden)
     return padded
@@ -206,7 +206,7 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
 
 
 def _lowest(K: Array, M: Array, rigid_shapes: Array) -> float:
-    """A shift s from an estimate of the lowest elastic omega^2 of (K, M), beside `rigid_shapes`."""
+    """Shift s: SHIFT_RATIO times an estimate of the lowest elastic omega^2 of (K, M)."""
     from scipy.linalg import solve_triangular
 
     weight = M @ rigid_shapes

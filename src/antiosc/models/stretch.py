@@ -27,9 +27,9 @@ Count = int | Literal["auto"]
 
 #: Most second-order modes of an impact: 30 of 58 random sheets need more than 12, 1 than 20.
 MOST_MODES = 20
-#: Most that a user may ask for: two more estimate their error.
+#: Most modes that a user may request: two more estimate their error.
 MOST_REQUESTED_MODES = MOST_MODES - 2
-#: What narrows an error of second-order forces: with smaller cells four of four bars were wider.
+#: Advice for second-order error bars: with smaller cells four of four bars were wider.
 NARROWING_REMEDY = "use an explicit finite element program: smaller elements do not narrow it"
 #: Asymmetry of the tensors over their size.
 LARGEST_ASYMMETRY = 1e-6
@@ -105,7 +105,7 @@ class Stretch(ReprMixin):
         return np.asarray(np.where(i == j, 1, 2) * products)
 
     def pair_motion(self, a: Array, v: Array, w: Array, derivative: int) -> Array:
-        """`pairs` of a (n, m), or their first or second `derivative`; v = a', w = a'' (n, m)."""
+        """`pairs(a)` for derivative 0, else its 1st or 2nd time derivative; v = a', w = a''."""
         if derivative == 0:
             return self.pairs(a)
         if derivative == 1:
@@ -113,7 +113,7 @@ class Stretch(ReprMixin):
         return 2 * (self.pairs(a, w) + self.pairs(v))
 
     def turned(self, turn: Array, omega: Array) -> Stretch:
-        """The forces in k combinations `turn` (m, k) of the modes; others respond statically."""
+        """Forces in k combinations `turn` (m, k) of the modes; other modes respond statically."""
         k = turn.shape[1]
         quadratic = _transformed(self.quadratic, turn).reshape((k,) * 3)
         cubic = _transformed(self.cubic, turn).reshape((k,) * 4)

@@ -1,7 +1,7 @@
 """Displacements, strains, stresses and section forces of a structure, from motions of its dofs.
 
 `source` returns the module for a structure: `mesh_fields` for a structure with a mesh,
-`node_fields` for given matrices with coordinates of their nodes.
+`node_fields` for K and M with coordinates of their nodes.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from antiosc.recovery import node_fields
 
 
 def source(structure: Structure) -> ModuleType:
-    """Module for the fields of a structure: `mesh_fields`, or `node_fields` for given matrices."""
+    """Module for a structure's fields: `mesh_fields`, or `node_fields` if it has only K and M."""
     if structure.matrices.located:
         return node_fields
     with_parts(structure)

@@ -96,7 +96,7 @@ def _at_nodes_of(
     evaluate: Callable[[PointsInCells], Array],
     factors: Array | None = None,
 ) -> Array:
-    """Components (cells · nodes, 6, columns) at the nodes of `cells`; see `PointsInCells`."""
+    """Components (cells · nodes, 6, columns) of the tensors by `evaluate` at nodes of `cells`."""
     X = part.mesh.geometry.reference_nodes
     places = np.repeat(cells, len(X)), np.tile(X, (len(cells), 1))
     tensors = evaluate(PointsInCells(part, shapes, *places, factors))
@@ -104,9 +104,9 @@ def _at_nodes_of(
 
 
 def stress_errors_of_part(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
-    """Estimated error (nodes,) [Pa] of von Mises stress on this rank: differences of cells from the
-    mean of one material (Zienkiewicz and Zhu), for sheets at the worse face. Nodes at folds or of
-    one cell take its largest error. `factors` (nodes, columns): at each node's time."""
+    """Estimated error (nodes,) [Pa] of von Mises stress: largest difference of a cell's stress from
+    the mean at the node (Zienkiewicz and Zhu); on sheets at the worse face. A node at a fold or in
+    one cell gets that cell's largest error. `factors` (nodes, columns): at each node's own time."""
     mesh = part.mesh
     cells_of_rank = compat.cell_index_map(mesh.dolfinx).size_local
     nodes = compat.geometry_nodes(mesh.dolfinx)[:cells_of_rank]
@@ -139,7 +139,7 @@ def stress_errors_of_part(part: MeshedStructure, shapes: Array, factors: Array) 
 
 def _stresses_of_cells(part: MeshedStructure, shapes: Array, factors: Array) -> tuple[Array, Array]:
     """(stresses (C, n, 6), empty array) at the n nodes of solid cells; on sheets (larger von
-    Mises stress of both faces (C, n, 1), products of normals (C, n, 6))."""
+    Mises stress of both faces (C, n, 1), products n_i n_j of the unit normal (C, n, 6))."""
     shapes = compat.with_ghosts(part.form.space, shapes)
     is_solid = part.kind.name == "solid"
     places = [Place()] if is_solid else [Place("top"), Place("bottom")]
@@ -182,7 +182,7 @@ FOLD_EIGENVALUE = 0.93
 def _join_ranks(
     part: MeshedStructure, slots: IntArray, total: Array, count: Array, joined: np.ufunc = np.add
 ) -> None:
-    """Combine values at shared nodes over ranks in place: sums of `count`, `joined` of `total`."""
+    """Add `count`, and combine `total` by `joined`, at nodes shared between ranks, in place."""
     comm = part.mesh.comm
     parts = len(part.parts)
     if comm.size == 1:
@@ -321,7 +321,7 @@ def preloaded_parts(structure: Structure, part: str | None) -> list[tuple[Member
 
 
 def _with_second_order(parts: Sequence[tuple[Member, Array]]) -> list[tuple[Member, Array]]:
-    """The parts with zero initial strains, by which second-order strains are included."""
+    """The parts with initial strains of zero, so that second-order strains are computed."""
     strained = []
     for member, shapes_of_part in parts:
         zero = np.zeros(len(member.part.part_of_cells()))
@@ -491,7 +491,7 @@ def families(structure: Structure, part: str | None = None) -> set[str]:
 
 
 def half_thickness(structure: Structure, part: str | None = None) -> float:
-    """Volume divided by surface [m] of the solids, half the mean thickness of their walls."""
+    """Volume over surface [m] of the solids: half the mean thickness of their walls."""
     meshes = [member.part.mesh for member in with_parts(structure).members(part)]
     solids = [mesh for mesh in meshes if mesh.tdim == 3]
     volume, surface = np.sum([(0.0, 0.0), *map(volume_and_surface, solids)], axis=0)

@@ -1,4 +1,4 @@
-"""Fields of given matrices with the coordinates of their nodes; the interface of `mesh_fields`."""
+"""Fields of K and M with the coordinates of their nodes; same functions as `mesh_fields`."""
 
 from __future__ import annotations
 
@@ -33,31 +33,31 @@ def at_point(
 def recovered(
     structure: Structure, shapes: Array, points: Array, part: str | None, quantity: str, *_: object
 ) -> Array:
-    """Raises InputError: given matrices have neither elements nor materials."""
+    """Always raises InputError: K and M have neither elements nor materials."""
     raise InputError(NO_ELEMENTS_MESSAGE.format(quantity))
 
 
 def tensors_at_nodes(
     structure: Structure, shapes: Array, quantity: str, *_: object, **__: object
 ) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
-    """Raises InputError: given matrices have neither elements nor materials."""
+    """Always raises InputError: K and M have neither elements nor materials."""
     raise InputError(NO_ELEMENTS_MESSAGE.format(quantity))
 
 
 def materials_of(
     structure: Structure, part: str | None, stiffener: str | None = None
 ) -> list[object]:
-    """[]: given matrices have no materials."""
+    """Always []: K and M have no materials."""
     return []
 
 
 def families(structure: Structure, part: str | None = None) -> set[str]:
-    """The empty set: given matrices have no elements."""
+    """Always the empty set: K and M have no elements."""
     return set()
 
 
 def relaxes(structure: Structure) -> bool:
-    """False: given matrices have no materials."""
+    """Always False: K and M have no materials."""
     return False
 
 

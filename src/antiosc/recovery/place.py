@@ -1,5 +1,5 @@
 """Position in the thickness of a sheet or the section of a beam at which a quantity is evaluated;
-largest distance of a given point from the structure.
+largest distance from the structure of a point that is moved onto it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from antiosc.fem.elements import Layer, Section
 if TYPE_CHECKING:
     from antiosc.fem.structure.place import Place as PartPlace
 
-#: Without a length a point is moved by at most this share of the part's size, or by one element.
+#: Default limit for moving a point: this share of the part's size, or one element.
 SNAP_SHARE = 0.02
 #: Why beams of a section without an outline have no stress on it.
 NO_OUTLINE_REASON = (
@@ -33,7 +33,7 @@ SHEET_SURFACES = ("top", "bottom", "middle")
 
 @dataclass(frozen=True)
 class Reach:
-    """Largest distance of a given point from the structure, onto which it is projected."""
+    """Largest distance of a point from the structure, up to which it is moved onto it."""
 
     what: str  # the point in words, for messages
     #: largest distance [m]; None: `SNAP_SHARE` of the part's size, or one element
@@ -67,7 +67,7 @@ class Reach:
 
 
 def check_reach(reach: Reach, point: Array, points: Array, nearest: int) -> None:
-    """`Reach.check` for the node `nearest` of `points` (P, 3); element size: to the next node."""
+    """`Reach.check` for node `nearest` of `points` (P, 3); element size: distance to the next."""
     x = points[nearest]
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     reach.check(

@@ -73,7 +73,7 @@ class PointsInCells:
         return PointsInCells(self.part, self._shapes, self.cells, X)
 
     def one_point_per_cell(self, X: Array) -> tuple[PointsInCells, IntArray]:
-        """(one point at X (tdim,) in each cell, number (P,) of each present point's cell)."""
+        """(one point at X (tdim,) in each cell, index (P,) of that point for each of `cells`)."""
         cells, number = np.unique(self.cells, return_inverse=True)
         X = np.broadcast_to(X, (len(cells), len(X)))
         return PointsInCells(self.part, self._shapes, cells, X), number
@@ -219,7 +219,7 @@ def _second_order_strain(at: PointsInCells, slope: Array) -> Array:
 def truss_tensors(
     at: PointsInCells, place: Place, sizes_of: Callable[[Material], list[float]]
 ) -> Array:
-    """Tensors (P, 3, 3, columns): the axial strain times `sizes_of(material)` = (along, across)."""
+    """Tensors (P, 3, 3, columns): axial strain × factors `sizes_of(material)`: (along, across)."""
     if place.local:
         axial_tensor = np.broadcast_to(np.diag([1.0, 0, 0]), (len(at.cells), 3, 3))
     else:
@@ -368,8 +368,7 @@ class Strains(NamedTuple):
 
 
 class SheetAxes:
-    """0° directions (default: along x, or y) and top sides of cells. Its construction is
-    collective."""
+    """0° direction (default: x, or y) and top side of each cell; all ranks construct it."""
 
     def __init__(self, part: MeshedStructure) -> None:
         self.axis, self.side = part.axes_and_sides
@@ -550,7 +549,7 @@ def rotation(at: PointsInCells, place: Place) -> Array:
     return at.values(at.dofs(("rz",) if plane else ("rx", "ry", "rz")))
 
 
-#: What gives a quantity of parts of a kind.
+#: Quantity -> {kind of part: function that evaluates it}.
 QUANTITIES: dict[str, dict[str, Callable[..., Array]]] = {
     "displacement": dict.fromkeys(("solid", "truss", "beam", "sheet"), displacement),
     "strain": {

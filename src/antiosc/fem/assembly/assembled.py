@@ -2,7 +2,7 @@
 
 The rigid motions of all connected pieces of the parts span the strain-free motions before the parts
 are joined. The null vectors of K are the strain-free motions that satisfy all constraints and
-stretch no spring: rigid motions of the whole, and mechanisms that the joints leave.
+stretch no spring: rigid motions of the assembly, and mechanisms that the joints leave.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class RigidDofs:
 
 
 def unjoined_bodies(layout: Layout) -> list[RigidDofs]:
-    """The connected bodies of parts, superelements and points, before they are joined."""
+    """Bodies before joining: connected pieces of parts; superelements; reference points."""
     bodies: list[tuple[str, IntArray, Array, float]] = []
     for member in layout.members.values():
         labels = member.connected
@@ -97,7 +97,7 @@ def free_motions(
     layout: Layout, bodies: Sequence[RigidDofs], constraints: Sparse, fixed: BoolArray, scale: Array
 ) -> tuple[Array, int]:
     """(strain-free motions (n, k) that satisfy all constraints, number of rigid motions of the
-    whole among them)."""
+    assembly among them)."""
     size = np.asarray(abs(constraints) @ scale).ravel()
     scaled = scipy.sparse.diags(1 / size[size > 0]) @ constraints[size > 0]
     units = scipy.sparse.diags(1 / scale[fixed]) @ scipy.sparse.identity(len(fixed)).tocsr()[fixed]
@@ -402,7 +402,7 @@ def block_diagonal(layout: Layout, matrices: Mapping[str, PETSc.Mat]) -> Sparse:
 def product_by_parts(
     layout: Layout, work: Callable[[MeshedStructure, Array], Array], u: Array
 ) -> Array:
-    """Vectors (n, k) on u, with the rows `work(part, rows of u)` of each meshed part."""
+    """Vectors (n, k) on u; the rows of a meshed part are `work(part, its rows of u)`."""
     result = np.zeros(u.shape)
     for member in layout.members.values():
         result[member.rows] = work(member.part, u[member.rows])

@@ -35,7 +35,7 @@ from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.place import Place, places_at
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 
-#: Fraction of the largest second moment of a group below which it does not tell a rotation.
+#: Fraction of the largest second moment of a group below which it determines no rotation.
 COLLINEAR_MOMENT = 1e-12
 
 #: Degree of the rule on faces that the ball of an end cuts, and its least number of points in it.

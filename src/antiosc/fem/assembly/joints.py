@@ -184,7 +184,7 @@ def motions_at(
 
 
 def relative_motion(label: str, directions: Array, a: EndMotion, b: EndMotion) -> Sparse:
-    """Motion (k, n) of b minus a along `directions` (k, 6); InputError if an end has none."""
+    """Motion (k, n) of b minus a along `directions` (k, 6); InputError if an end lacks one."""
     for end, end_motion in (a, b):
         for direction in directions:
             turns = direction[3:].any()
@@ -499,7 +499,7 @@ class Bolt(TwoEnds):
             raise InputError("the beam of a Bolt has no offset: it goes from end to end.")
 
     def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
-        """ElasticTerm and mass of the beam."""
+        """Stiffness and mass of the beam, as one term."""
         ends = [motion_of_end(layout, end) for end in (self.a, self.b)]
         line = ends[1].point - ends[0].point
         length = float(np.linalg.norm(line))
@@ -532,7 +532,7 @@ class Bolt(TwoEnds):
 
 
 def beam_matrices(beam: Beam, length: float) -> tuple[Array, Array]:
-    """Stiffness and mass (12, 12), by static shapes, of a beam along x with its height along y."""
+    """Stiffness, mass (12, 12), by static shape functions, of a beam along x, height along y."""
     section = beam.section
     inertia = np.diag([section.A * beam.rho] * 3 + [0.0] * 3)
     inertia[3, 3] = beam.rho * (section.I + section.side)

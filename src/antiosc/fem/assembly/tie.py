@@ -52,7 +52,7 @@ CLOSED_GAP = 1e-12
 
 
 class Facets(Entities):
-    """Entities of the largest dimension in a group of a part, in the assembly."""
+    """Entities of the largest dimension in a group of a part, in the assembly's axes."""
 
     def __init__(self, member: Member, group: str) -> None:
         self.member = member

@@ -12,7 +12,7 @@ from antiosc.fem.elements.shell import Shell
 from antiosc.fem.elements.solid import AnisotropicSolid, Solid
 from antiosc.fem.elements.weak_form import Direction
 
-#: What a material takes of its record, by the same names.
+#: Constants that a material takes from its record, by the same names.
 CONSTANTS = (
     *("name", "source", "E", "nu", "rho"),
     *("yield_strength", "yield_range", "rate", "brittle", "tensile"),

@@ -313,7 +313,7 @@ class Sheet(Checked):
 
     kind: ClassVar[Kind] = Kind("sheet", outside=False, point_load=False, sheet=True)
 
-    #: direction of 0° (None: any), and of the last layer (None: the normal of the cells)
+    #: direction of 0° (None: any), and direction toward the last layer (None: normals of cells)
     axis: Direction | None = None
     top: Direction | None = None
     #: distance of the middle of the section from the mesh, toward the top, m
@@ -374,7 +374,7 @@ class Sheet(Checked):
         )
 
     def half_space_compliance(self, cosine: float) -> float:
-        """0: a shell does not deform through its thickness; the contact law does."""
+        """0: a shell is rigid through its thickness; only the contact law has indentation."""
         return 0.0
 
     def constants(self) -> tuple[float, float, float]:

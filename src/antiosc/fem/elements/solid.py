@@ -96,7 +96,7 @@ class Solid(Isotropic):
         return cosine**2 * normal + (1 - cosine**2) * tangential
 
     def dimensions(self, box: Box, materials: Sequence[Solid]) -> Box:
-        """The sides of the box; the last is the width, across which it bends, for a plane part."""
+        """The sides of the box; a plane part bends across its in-plane width, which comes last."""
         if self.plane is None:
             return box
         length, width, _ = box

@@ -51,7 +51,7 @@ QuadratureRule = tuple[Array, Array, Array]
 class Cells(ABC):
     """Cells of one kind with `nodes` (n, 10) of this rank, and products by a C kernel."""
 
-    #: the C functions without their precision: for any u, and for a u that is linear in each cell
+    #: names of C functions without their precision: for any u, and for u linear in each cell
     function: str
     function_of_linear: str
 
@@ -74,7 +74,7 @@ class Cells(ABC):
         """The arrays that the argument of the C kernel points to, in double precision."""
 
     def add(self, k: float, m: float, u: Array, out: Array, linear: bool = False) -> None:
-        """Add (k K + m M) u to `out` on all dofs of this rank; `linear`: u is linear in cells."""
+        """Add (k K + m M) u of the cells to `out`, with ghosts; `linear`: u is linear in cells."""
         if u.dtype not in self._arguments:
             arrays = [array.astype(u.dtype, copy=False) for array in self._arrays]
             addresses = [library.address(array) for array in arrays]
@@ -291,7 +291,7 @@ class Tetrahedra:
         self._fixed = np.unique(np.concatenate([NO_DOFS, *conditions.values()]))
         self._held = self._fixed[self._fixed < self.rows]
 
-        #: matrices added to K and M at points, and whether they have entries
+        #: matrices of attachments, added to K and M, and whether there are attachments
         self.added = empty_matrix(self.rows, self.comm), empty_matrix(self.rows, self.comm)
         self.carries = False
 
@@ -380,7 +380,7 @@ class Tetrahedra:
         return result
 
     def simplified(self) -> Tetrahedra:
-        """A spectrally equivalent copy with fewer quadrature points in curved cells, to smooth."""
+        """A spectrally equivalent copy for smoothing: fewer quadrature points in curved cells."""
         kinds = self._kinds
         result = copy(self)
         rules = 2 * [_quadrature(self._mesh, self._form, SMOOTHING_DEGREE)]

@@ -199,7 +199,7 @@ class WeakForm:
     mass_moment: Expr | None = None
     #: whether twist moves the centroids of beams, which lie off the line of the mesh
     twist_moves_centroid: bool = False
-    #: (strains × √stiffness (UFL) whose squares give K, quadrature degree); None: entries do
+    #: (strains × √stiffness (UFL) whose squares give K, quadrature degree); None: not used
     strains: tuple[Expr, int] | None = None
 
     @property

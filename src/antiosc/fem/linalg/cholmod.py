@@ -42,9 +42,9 @@ LONG_INTEGERS = 2
 REAL_NUMBERS = 1
 UPPER_TRIANGLE = 1
 SUPERNODAL = 2
-#: The ordering that is given.
+#: CHOLMOD's number for an ordering by the caller.
 GIVEN_ORDERING = 1
-#: `Common.status` where there was no memory.
+#: `Common.status` after a lack of memory.
 OUT_OF_MEMORY = -2
 #: What `openblas_get_parallel` returns where OpenBLAS itself runs on OpenMP.
 OPENMP_PARALLEL = 2

@@ -63,9 +63,9 @@ WEAK_COUPLING = 0.02
 #: of 20 Krylov anti-oscillators of the bracket with 108 000 dofs, those that have not converged
 #: too, miss 9e-8 after 7.7 s, with 1e-7 1.3e-7 after 7.0 s.
 ITERATION_RESIDUAL, MOST_ITERATIONS = 3e-8, 2000
-#: The same for the solves of an eigenproblem, whose shapes have an error of the size of theirs.
+#: Relative error of solves of an eigenproblem; its shapes get errors of the same size.
 MODE_RESIDUAL = 1e-11
-#: Message for more.
+#: Message for a solve that takes more iterations.
 TOO_MANY_ITERATIONS = (
     f"{MOST_ITERATIONS} conjugate gradients did not reach a relative error of "
     f"{ITERATION_RESIDUAL:.0e}: "
@@ -130,7 +130,7 @@ class Multigrid(PetscSolver):
 
     backward_error = BACKWARD_ERROR
     method = "conjugate gradients with multigrid"
-    #: what its solves take beside those of a factor
+    #: text on the time of its solves relative to those of a factor
     pace = ", whose solves take ten times as long or more"
 
     @property
@@ -295,7 +295,7 @@ class Cycle:
         return result
 
 
-#: What GAMG does not make: solvers of its levels.
+#: Options by which GAMG makes no solvers of its levels.
 ONLY_AGGREGATES = {
     "pc_mg_levels": 2,
     "mg_coarse_pc_type": "none",
@@ -383,7 +383,7 @@ def _with_ones(coarse: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
 
 
 def linear_cells(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """The coarse matrix, from linear elements on the cells, of a matrix multiplied by cells."""
+    """The coarse matrix of A, which is multiplied cell by cell, from linear elements."""
     product = A.getAttr(CELLS_KEY)
     return cell_matrix(product.cells.coarse(P, empty_columns(P)), product.k, product.m)
 
@@ -400,7 +400,7 @@ def empty_columns(P: PETSc.Mat) -> IntArray:
 
 #: Steps before and after the coarse level, and the least share of the largest eigenvalue smoothed.
 CHEBYSHEV_STEPS, LOWEST_SMOOTHED = 2, 0.1
-#: Steps of the power method for that eigenvalue, and the factor on what they give.
+#: Steps of the power method for that eigenvalue, and a factor on its result.
 POWER_STEPS, EIGENVALUE_MARGIN = 15, 1.1
 
 #: The functions of the library, which `antiosc.engine.library` has checked, by precision.

@@ -66,11 +66,11 @@ class ProductCost:
     seconds: float  # of an iteration
 
 
-#: From the entries; their number is that of A.
+#: Products by stored entries.
 STORED_PRODUCTS = ProductCost(math.nan, 6.0, 20.0, 8e-9)
-#: From straight isotropic tetrahedra (by aggregates a bracket of 1.65 million dofs).
+#: Products by straight isotropic tetrahedra (by aggregates a bracket of 1.65 million dofs).
 STRAIGHT_PRODUCTS = ProductCost(80.0, 4.5, 5.0, 1.1e-9)
-#: What curved ones add to that: their kernel takes 155 ns a cell, with the points of smoothing 48
+#: Cost that curved cells add: their kernel takes 155 ns a cell, with the points of smoothing 48
 #: and 60 in single and double precision, that of straight ones 26 and 34 (with AVX-512; 35 and 63
 #: without); they have 2 kB a cell.
 CURVED_PRODUCTS = ProductCost(80.0, 5.5, 5.5, 0.6e-9)
@@ -98,12 +98,12 @@ class Cost:
 
 
 def cost_of_factor(entries: float, columns: float) -> Cost:
-    """Cost of a factor with `entries` entries, and of a model's solves of `columns` at once."""
+    """Cost of a factor with `entries` entries and of a model's solves for `columns` loads."""
     return Cost(FACTOR_ENTRY_BYTES * entries, seconds_of_factor(entries, columns))
 
 
 def seconds_of_factor(entries: float, columns: float) -> float:
-    """Time [s] of a factor with this number of entries, and of a model's solves of `columns`."""
+    """Time [s] of a factor of `entries` entries and of a model's solves for `columns` loads."""
     seconds_of_solve = SOLVE_ENTRY_SECONDS * entries * columns**BLOCK_SOLVE_EXPONENT
     return _factor_seconds(entries) + SOLVES_OF_MODEL * seconds_of_solve
 
@@ -186,11 +186,11 @@ class Solver(ABC):
     growth: float = SOLUTION_GROWTH
     #: largest ‖Ax - r‖ / (‖A‖‖x‖ + ‖r‖) that a solve may leave; sound factors leave about 1e-16
     backward_error: float = 1e-10
-    #: relative error in energy that the solves so far may have; factors leave rounding
+    #: bound on the relative error in energy of the solves so far; 0 for factors
     error: float = 0.0
-    #: forecast of a model of one site with it, where there is one
+    #: forecast of a one-site model with this solver; None: no forecast was made
     cost: Cost | None = None
-    #: largest number of right-hand sides at once for which it is the faster one
+    #: largest number of right-hand sides at once for which this solver was chosen
     columns: float = math.inf
 
     def __init__(self, A: Matrix) -> None:
@@ -203,7 +203,7 @@ class Solver(ABC):
             self._set_up()
         process.return_free_memory()
 
-        #: what the set-up took
+        #: time of the set-up
         self.seconds = time.perf_counter() - start_time
         log.info("%s of %d dofs: %.1f s", type(self).__name__, algebra.size(A), self.seconds)
 

@@ -87,7 +87,7 @@ def use_strain_product(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat) -> None
 
 
 class SolverByStrains(Solver):
-    """Conjugate gradients with A's product by strains; a solver of A's entries preconditions."""
+    """Conjugate gradients with products by strains, preconditioned by a solver of A's entries."""
 
     growth = SOLUTION_GROWTH_BY_STRAINS
 
@@ -209,7 +209,7 @@ class MumpsFactor(PetscSolver, Factorization):
 
 
 def entries_by_mumps(A: PETSc.Mat) -> float:
-    """Entries of MUMPS's factor: b² times those for one of b dofs per node; 0 if b is 1."""
+    """Estimated entries of MUMPS's factor, from a matrix with one dof per node; 0 if A has one."""
     block = A.getBlockSize()
     if block == 1:
         return 0.0
@@ -221,7 +221,7 @@ def entries_by_mumps(A: PETSc.Mat) -> float:
 
 #: Bytes for each entry of A of an analysis of its factor: copies of A.
 ANALYSIS_BYTES = 20.0
-#: Remedy where neither fits.
+#: Remedy if neither a factor nor two levels fit in memory.
 SMALLER_MESH_REMEDY = "use a coarser mesh or elements of order 1, or a machine with more memory"
 #: Entries of a factor over rows^(4/3), for the most compact bodies: cubes of quadratic tetrahedra.
 COMPACT_FILL = 35.0
@@ -291,7 +291,7 @@ def _two_levels_if_faster(
 
 
 def _iterative_solver(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = None) -> Multigrid:
-    """The iterative solver; OutOfMemoryError before its matrices are made."""
+    """The iterative solver; OutOfMemoryError, before it is made, if its matrices do not fit."""
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     prolongation = levels.prolongation()
     solver: Multigrid
@@ -310,7 +310,7 @@ def _iterative_solver(A: PETSc.Mat, levels: Levels, forecast: Forecast | None = 
 
 
 def _fitting_sizes(A: PETSc.Mat, factor: float, free: float) -> LevelSizes:
-    """`_sizes_of`; OutOfMemoryError if the levels do not fit into `free` bytes."""
+    """Sizes of a two-level solver of A; OutOfMemoryError if it does not fit in `free` bytes."""
     sizes = _sizes_of(A, factor)
     noun = f"the iterative solver of {A.getSize()[0]} dofs"
     process.require_memory(sizes.bytes, noun, SMALLER_MESH_REMEDY, free)

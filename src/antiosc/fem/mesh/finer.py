@@ -48,10 +48,10 @@ SIZE_ROUNDING = 1e-9
 class HalvingScheme(NamedTuple):
     """How a cell of one shape is halved, in dolfinx's order of nodes."""
 
-    #: corners between which each middle lies: of edges, of faces of four corners, of all
+    #: corners of each edge, quadrilateral face or cell that has a middle node
     members: list[list[int]]
     halves: IntArray  # (halves, corners) corners and middles that are the vertices of each half
-    #: of geometric order 1 and 2: weights of nodes at middles of the cell, or of its halves
+    #: weights of nodes: for order 1 at the middles of the cell, for order 2 of its halves
     weights: tuple[Array, Array]
 
 
@@ -309,7 +309,7 @@ def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
 
 def bisected_once(raw: RawMesh, values: Array) -> tuple[RawMesh, Array]:
     """(mesh, values) after halving all edges of cells whose value is below `DIVIDED_RATIO`.
-    `values` (cells,): ratios of wanted to present size, which parts get times old over new size."""
+    `values` (cells,): ratios of wanted to present size, updated for the new cells."""
     arguments = np.ascontiguousarray(raw.cells), raw.points, raw.kind.shape, 1
     old_mesh = compat.create_mesh(MPI.COMM_SELF, *arguments)
     input_cells = np.asarray(old_mesh.topology.original_cell_index)
@@ -346,8 +346,8 @@ def _supporting_nodes(raw: RawMesh, x: Array) -> IntArray:
 
 
 def _old_points_under(support: IntArray, entities: IntArray) -> IntArray:
-    """Vertices (n, k) of the old entity that contains each new entity (n, k); -1 if its carrier
-    is larger."""
+    """Vertices (n, k) of the old entity that contains each new entity (n, k); -1 if it is of a
+    higher dimension."""
     k = entities.shape[1]
     rows = np.sort(support[entities].reshape(len(entities), -1), axis=1)
     first = rows >= 0

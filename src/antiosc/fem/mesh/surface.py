@@ -22,7 +22,7 @@ from antiosc.io.neutral import CELL_KINDS
 
 #: Most Gauss–Newton steps onto a curved cell.
 FOOT_STEPS = 12
-#: Step (reference lengths) that ends them; the remaining error is the square of this step.
+#: Step (reference lengths) that ends the iteration; the remaining error is its square.
 FOOT_SETTLED = 1e-8
 #: The iteration ends for a foot that leaves its cell by more than this (reference lengths).
 FOOT_BEYOND = 1.0

@@ -161,7 +161,7 @@ def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
 
 
 def communicator(mesh: dolfinx.mesh.Mesh) -> MPI.Comm:
-    """Communicator of a mesh for Python objects: a predefined one if equal (for dolfinx 0.9)."""
+    """Communicator for Python objects; COMM_WORLD or COMM_SELF if equal (for dolfinx 0.9)."""
     for permanent in (MPI.COMM_WORLD, MPI.COMM_SELF):
         if MPI.Comm.Compare(mesh.comm, permanent) in (MPI.IDENT, MPI.CONGRUENT):
             return permanent
@@ -472,7 +472,7 @@ def cell_dofs(space: fem.FunctionSpace, path: Sequence[int], cells: IntArray) ->
 
 
 def _nodes(space: fem.FunctionSpace) -> IntArray:
-    """Blocks of dofs of every cell of this rank: (cells, nodes)."""
+    """Numbers of the dof blocks of every cell of this rank: (cells, nodes)."""
     return _table(space.dofmap.list, space.dofmap.dof_layout.num_dofs)
 
 

@@ -44,7 +44,7 @@ FFCX_OPTIONS = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
 
 @contextmanager
 def user_folder() -> Iterator[None]:
-    """Context in which dolfinx compiles into the user's folder and loads from it; or OSError."""
+    """Context in which dolfinx compiles into the user's folder and loads from it, or OSError."""
     folder = cache_folder()
     flags = [*FLAGS, *shlex.split(os.environ.get("CFLAGS", ""))]
     options = {"cache_dir": folder, "timeout": COMPILE_WAIT, "cffi_extra_compile_args": flags}

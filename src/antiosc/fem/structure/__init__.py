@@ -181,7 +181,7 @@ class DofPlaces:
         return result
 
     def polynomials(self, comm: MPI.Comm, centre: Array, size: float) -> Array:
-        """Fields (dofs, k) of degree <= 2 in (x − centre)/size; half their curl as rotations."""
+        """Fields (dofs, k) of degree <= 2 in (x − centre)/size; rotations are half their curl."""
         s = (self.nodes - centre) / size
         axes = np.flatnonzero(comm.allreduce(self.axes[self.kind == MOVE].any(axis=0)))
         powers: list[tuple[int, ...]] = [(), *((j,) for j in axes)]
@@ -234,7 +234,7 @@ class Dissipation:
     tau: float | None = None  # relaxation time [s] of a branch; None: dashpots
     matrix: Matrix | None = None  # of all dofs, times `factor`
     factor: float = 1.0
-    #: of a material that relaxes: the name of its part, and its number there or that of a stiffener
+    #: of a relaxing material: (part, number of the material there or group of the stiffener)
     owner: tuple[str, int | str] | None = None
 
     def projected(self, comm: MPI.Comm, V: Array) -> Array:
@@ -456,10 +456,10 @@ class StructureMatrices:
     C: Matrix | None = field(default=None, kw_only=True)  # damping, of given matrices
     #: the static state in which K is taken
     preload: Preload | None = field(default=None, kw_only=True)
-    #: a solver of this K, where there is one already
+    #: a solver of this K, if one exists already
     solver_of_K: Solver | None = field(default=None, kw_only=True)
 
-    #: whether they are of parts with meshes, and whether these may be several, that are joined
+    #: whether the matrices are of parts with meshes, and whether of an assembly of parts
     meshed: ClassVar[bool] = False
     assembled: ClassVar[bool] = False
     #: whether the node and direction of each row are known
@@ -482,7 +482,7 @@ class StructureMatrices:
 
     @property
     def located(self) -> bool:
-        """Whether these are given matrices whose nodes have coordinates."""
+        """Whether K and M come without a mesh but with coordinates of their nodes."""
         return False
 
     @property

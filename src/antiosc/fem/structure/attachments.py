@@ -186,12 +186,12 @@ class ElasticTerm:
     """Stiffness k, damping c and mass m on functionals G: Gᵀ k G is a term of K, Gᵀ m G of M."""
 
     G: Sparse  # (j, n) functionals of u
-    #: k, m: (j, j) stiffness and mass of these
+    #: k, m: (j, j) stiffness and mass for the j functionals
     k: Array
     m: Array
     mass: float = 0.0  # kg
     c: Array | None = None  # (j, j) damping
-    #: (j, r) orthonormal values of the functionals that are without strain, where they are known
+    #: (j, r) orthonormal values of the functionals in strain-free motions; None: not known
     rigid: Array | None = None
     #: stiffnesses (j, j) and relaxation times [s] of Maxwell branches
     branches: Sequence[tuple[Array, float]] = ()

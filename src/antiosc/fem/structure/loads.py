@@ -104,7 +104,7 @@ class PointMotion:
     """Motion of a point as six rows of a matrix on u: displacements x, y, z, then rotations."""
 
     functionals: Sparse  # (6, n) functionals of the displacement, then of the rotation
-    space: Array  # (6, 6) projection on those that the point has: on a solid no rotation
+    space: Array  # (6, 6) projection onto motions that the point has: on a solid no rotation
     point: Array  # (3,) coordinates, m
 
     @cached_property
@@ -158,7 +158,7 @@ def component_projection(form: WeakForm) -> Array:
 
 
 def motion_at(comm: MPI.Comm, form: WeakForm, at: ClosestPoint) -> PointMotion:
-    """The motion of the place `at` of a mesh, on the rows of this rank, with fixed dofs."""
+    """Motion functionals of the point `at` on the dofs of this rank, fixed dofs included."""
     count = 6 * int(comm.rank == at.rank)
     sites, weights = np.arange(count), np.ones(count)
     points = Points(sites, np.full(count, at.cell), np.tile(at.X, (count, 1)), weights)

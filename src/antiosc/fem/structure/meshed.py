@@ -230,7 +230,7 @@ class PartsMatrices(StructureMatrices):
 
 @dataclass(eq=False)
 class MeshedStructure(PartsMatrices):
-    """K and M of a mesh, and the mesh."""
+    """K and M of one part with a mesh, and the mesh."""
 
     _: KW_ONLY
     mesh: Mesh
@@ -239,21 +239,21 @@ class MeshedStructure(PartsMatrices):
     total_mass: float  # kg
     #: M e for unit accelerations e along x, y, z, of the attachments alone (rows of this rank, 3)
     attached_inertia: Array
-    #: gives the same structure of another mesh with its groups, or with other supports
+    #: function that assembles the same part on another mesh or with other supports
     reassembled: Callable[..., MeshedStructure]
     supports: Sequence[Support] = ()
     #: the beams on the edges of a sheet, by group
     stiffeners: Mapping[str, Stiffener] = field(default_factory=dict)
-    #: sentences on what is implausible of its size and its materials
+    #: sentences that say why its size or its materials are implausible
     doubts: tuple[str, ...] = ()
-    #: the least of a sheet, or of the walls of a thin solid [m]; None if it is held along one line
+    #: least of a sheet, mean of a thin solid [m]; None: others, or supports lie on a line
     thickness: float | None = None
     dampers: Sequence[Dissipation] = ()  # of its attachments
-    #: its fixed dofs, as its forms are assembled with
+    #: fixed dofs by path of their component, for the assembly of forms
     conditions: Mapping[tuple[int, ...], IntArray] = field(default_factory=dict)
-    #: the same without its prestress
+    #: the same part without its prestress
     unloaded: MeshedStructure | None = None
-    #: strains free of stress of the cells (n,): strains are then of second order; None: linear
+    #: stress-free strains (n,) of the cells, for second-order strains; None: linear strains
     initial: Array | None = None
 
     @property
@@ -402,7 +402,7 @@ class MeshedStructure(PartsMatrices):
 
     @cached_property
     def losses(self) -> list[tuple[int | str, Material, PETSc.Mat]]:
-        """`stiffnesses` of materials with a loss factor."""
+        """Owner, material and K of each material with a loss factor."""
         return self.stiffnesses("loss")
 
     def stiffnesses(self, name: str) -> list[tuple[int | str, Material, PETSc.Mat]]:

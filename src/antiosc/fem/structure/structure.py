@@ -1,6 +1,6 @@
 """`Structure`: K and M with supports, and the one factorization that every site and mode uses.
 
-Its `matrices` come from a mesh (`antiosc.fem.structure.meshed`) and have a geometry, or are given.
+Its `matrices` come from a mesh (`antiosc.fem.structure.meshed`), or the user gives them.
 Extraction uses only their common attributes.
 
 An entry K_ij of another code is compared with √(K_ii K_jj), which it cannot exceed in a positive
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from antiosc.fem.structure.meshed import MeshedStructure, PartsMatrices
     from antiosc.fem.structure.support import Support
 
-#: Of the algebra: "auto" is PETSc where it is installed.
+#: Library of the linear algebra: "auto" is PETSc if it is installed.
 Backend = Literal["auto", "petsc", "scipy"]
 BACKENDS = get_args(Backend)
 #: (row, column, value) of entries of a matrix
@@ -58,7 +58,7 @@ MIRROR_TOLERANCE = 1e-9
 ENTRY_ROUNDING = 1e-15
 #: Diagonal entry of a held dof over its row's others: it moves 1e-14 of what its neighbours do.
 PENALTY_OVER_ROW = 1e14
-#: The same entry over the typical one of all rows.
+#: Diagonal entry of a held dof over the typical diagonal entry of all rows.
 PENALTY_OVER_TYPICAL = 1e12
 #: A coupling that leaves less than four digits of what is coupled.
 DOMINANT_RATIO = 1e12
@@ -341,7 +341,7 @@ class Structure(ReprMixin):
     made_of: tuple[Mesh, Family | Mapping[str, Family], Options] | None = None
     #: (the solver of K + shift·M, shift) once it is made
     _factored: tuple[Solver, float] | None = None
-    #: the same of the last expansion point
+    #: (solver, shift) of the last expansion point
     _expanded: tuple[Solver, float] | None = None
     _prestressed: antiosc.PrestressedState | None = None
 

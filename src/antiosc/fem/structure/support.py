@@ -1,9 +1,9 @@
 """`Support`: fixed displacement components; remaining rigid-body motions.
 
-On a mesh the rigid-body motions and the shift of a free body come from polynomial displacement
-fields; beams and shells have half their curl as rotations. The rigid motions among the fields that
-vanish on the fixed dofs are exact null vectors of K. The lowest Rayleigh–Ritz value of the
-quadratic fields estimates the first elastic ω², from which the shift is taken.
+On a mesh, polynomial displacement fields give the rigid-body motions and, for a free body, the
+spectral shift s of K + sM; rotations of beams and shells are half the curl of the field. Rigid
+motions among the fields that vanish on the fixed dofs are exact null vectors of K. The lowest
+Rayleigh–Ritz value of the quadratic fields estimates the first elastic ω², which gives s.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ class Support(FieldsRepr):
     Raises
     ------
     InputError
-        None or several of `where`, `near`, `box`, `plane`; when a structure is made: a support that
-        selects no node.
+        Not exactly one of `where`, `near`, `box`, `plane`, `nodes`; when a structure is made: a
+        support that selects no node.
     """
 
     where: Where = None  # type: ignore[assignment]  # where near, box or plane says it
@@ -111,7 +111,7 @@ class Support(FieldsRepr):
         store(self, fix=names)
 
     def components(self, known: Iterable[str]) -> list[str]:
-        """The fixed components among those of the structure; InputError for others."""
+        """The fixed components; InputError if the structure does not have one (`known`)."""
         names = list(known)
         if self.fix == "all":
             return names
@@ -136,7 +136,7 @@ class Support(FieldsRepr):
 
     @property
     def label(self) -> str:
-        """The place of the support, for messages."""
+        """Text for messages that says where the support is."""
         if isinstance(self.where, str):
             return f"on group {self.where!r}"
         if isinstance(self.where, Region | NumberedNodes):

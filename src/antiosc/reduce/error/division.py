@@ -78,7 +78,7 @@ MOST_FIRST_CELLS = 6000
 UNLIMITED_SIZE = 1e6
 #: Growth and reach of the small sizes at the site in the first mesh of a geometry.
 FIRST_GRADING = (0.5, 1.5)
-#: Those in all further meshes, where they only keep the patch resolved.
+#: Growth and reach in all further meshes, where small cells only keep the patch resolved.
 LATER_GRADING = (0.7, 1.5)
 #: Least number of lines on the longest diagonal of a part, as many as `advise` takes.
 LEAST_LINES = 8
@@ -95,7 +95,7 @@ class Division:
         self._matrices = matrices
 
     def missed(self, model: AntiOscillators) -> tuple[Array, Array | None]:
-        """(lacking, surplus or None) energies (p + N, p + N) [N/m] of the shapes, by the mesh."""
+        """(energies (p + N, p + N) [N/m] that the shapes lack, energies in excess or None)."""
         fine, _motions, forces = self._shapes_and_loads(model)
         flexibility = forces.T @ elastic_response(fine, fine.factorize(forces.shape[1]), forces)
         lack, surplus = lacking_energies(model.stiffness, flexibility)
@@ -273,7 +273,7 @@ def mesh_source(source: str | Path | Mesh, order: int = 2) -> MeshSource:
 
 
 class GivenMesh(MeshSource):
-    """A given mesh: straight simplices are bisected; a mesh of other cells is not refined."""
+    """A finished mesh: straight simplices are bisected; a mesh of other cells is not refined."""
 
     def __init__(self, mesh: Mesh) -> None:
         self.coarsest = mesh
@@ -285,7 +285,7 @@ class GivenMesh(MeshSource):
             )
 
     def thickness(self) -> float:
-        """Twice the volume over the surface [m]; the least extent unless cells are simplices."""
+        """Twice the volume over the surface [m]; the least extent if cells are not simplices."""
         if self.coarsest.cell in KIND_OF_SHAPE:
             return super().thickness()
         low, high = bounds(self.coarsest.comm, self.coarsest.dolfinx.geometry.x)

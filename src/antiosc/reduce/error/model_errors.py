@@ -58,7 +58,7 @@ CG_RESIDUAL, CG_STEPS = 1e-5, 200
 #: recovery sees a half of the error at 0.45 and a fifth at 0.4999 (clamped bars, plane strain).
 LOCKING_POISSON = 0.4
 TRUSS_REFUSAL = "the nodes of a truss are hinges, so that no mesh could be finer."
-#: What no mesh tells of.
+#: Text on the error that no mesh refinement shows.
 THEORY_NOTE = "Not included: the error of {} theory itself."
 #: Share of an element within which a site is at its end.
 NODE_SHARE = 1e-3
@@ -77,7 +77,7 @@ class Recovery:
             _check_part(member.part)
 
     def missed(self, model: AntiOscillators) -> tuple[Array, None]:
-        """(error energies (p + N, p + N) [N/m] of a model's shapes, None for the surplus)."""
+        """(error energies (p + N, p + N) [N/m] of a model's shapes, None as there is no excess)."""
         fields = self._matrices.fields(np.asarray(model.shapes))
         grams = [error_energies(member.part, u) for member, u in fields]
         return np.sum(grams, axis=0), None
@@ -118,7 +118,7 @@ def error_energies(part: MeshedStructure, shapes: Array) -> Array:
 
 
 def strain_errors(part: MeshedStructure, shapes: Array) -> Iterator[tuple[IntArray, Array]]:
-    """Yield (cells, R e √w (n, points · components, k)); e: strain errors, RᵀR: stiffness."""
+    """Yield (cells, R e √w (n, points · components, k)): RᵀR stiffness, e errors, w weights."""
     strains = Strains(part, shapes)
     k = shapes.shape[1]
     for root, cells in _regions(part):
@@ -163,7 +163,7 @@ class Strains:
         J = np.swapaxes(mesh.geometry.nodes[:owned, :, : mesh.gdim], 1, 2)[:, None] @ slopes
         self._inverse = np.linalg.inv(J)
 
-        #: (cells, points), volumes included
+        #: (cells, points) quadrature weights times |det J|
         self.weights = np.abs(np.linalg.det(J)) * weights
         self._space, self._paths = form.space, list(form.components.values())
         self._values = compat.with_ghosts(form.space, shapes)
@@ -204,7 +204,7 @@ class Projection:
         self._weights = strains.weights[cells]
         index_map = self._space.dofmap.index_map
 
-        #: corners of this rank, ghosts included
+        #: number of corners of this rank, ghosts included
         self.size = int(index_map.size_local + index_map.num_ghosts)
         functions, weights = self.functions(slice(None))
         self._mass = (functions.T @ functions.multiply(weights)).tocsr()

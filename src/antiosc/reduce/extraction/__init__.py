@@ -85,7 +85,7 @@ class SiteShapes:
         return np.linalg.inv(self.compliance)
 
     def constrained(self, comm: MPI.Comm, x: Array) -> Array:
-        """x − Y (BᵀY)⁻¹Bᵀx (rows, k): x with forces added at the sites that keep these at rest."""
+        """x − Y (BᵀY)⁻¹Bᵀx (rows, k): x plus the response to forces that hold the sites."""
         return np.asarray(x - self.y @ (self._inverse_compliance @ dot(comm, self.load, x)))
 
     def at(self, solver: Solver, shift: float) -> SiteShapes:

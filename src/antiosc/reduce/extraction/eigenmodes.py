@@ -191,7 +191,7 @@ class ModeSolver:
         self._rows = structure.rows
         self._held = held
 
-        #: rigid-body modes that remain
+        #: rigid-body modes to which all modes found are orthogonal
         self._rigid = structure.rigid_modes if held is None else held.nodal
         sites = 0 if held is None else held.load.shape[1]
         self.limit = structure.dofs - sites - self._rigid.shape[1]

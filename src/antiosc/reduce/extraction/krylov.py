@@ -24,7 +24,7 @@ are known one block later.
 
 The shift s is 0 if K is regular, or the square of a real expansion point, about which the response
 converges first; Φ stays static, so that K0 and M_st are exact, and every m_i is positive
-semidefinite as before. A blow on a large thin plate is over before its waves return: on a plate of
+semidefinite as before. An impact on a large thin plate ends before its waves return: on a plate of
 0.5 × 0.33 m × 1 mm, struck by a ball for 41 µs, 60 and 150 anti-oscillators have 120 and 36 % of
 error of the peak force with s = 0, 2.5 and 0.2 % with √s = 2π · 16 kHz (measured). A shift inside
 the band (s < 0) would save a fifth of the steps at most, by slower, indefinite solves.
@@ -69,7 +69,7 @@ BASIS_STEP = 16
 
 #: Largest number of steps over anti-oscillators wanted: at symmetric sites half have no share in Z.
 STEPS_PER_MODE = 3
-#: Steps in addition to those.
+#: Steps in addition to this number.
 EXTRA_STEPS = 20
 
 
@@ -108,11 +108,11 @@ class Lanczos:
         self._c = np.zeros((0, len(static.kept)))  # VᵀMΦ
         self._ends: list[int] = []  # numbers of vectors with those of each block
 
-        #: lengths of what was dropped of TΦ and of TV, and of what the solver left out
+        #: bounds on the norms of the parts of TΦ and of TV that were dropped or that solves missed
         self._dropped = np.zeros(2)
         self.load = static.m_phi
 
-        #: how many of the loads are inertia, the others those of damping
+        #: number of loads that are inertia forces; the other loads are damping forces
         self._inertial = static.m_phi.shape[1]
         forces = dashpot_patterns(terms)
         if forces is not None:
@@ -222,8 +222,8 @@ class Lanczos:
         return int(np.sum(shares_at_sites(self._static.k0, m0, P, poles) > tol))
 
     def with_recurrence(self, modes: Modes) -> Modes:
-        """The modes with their `Recurrence`, from one more step. It is left out for inexact solves,
-        dampers, several sites of an exhausted space, and omitted rigid-body modes that move one."""
+        """The modes with their `Recurrence`, from one more step; without it if solves are inexact,
+        dampers exist, an omitted rigid mode moves a site, or several sites exhaust the space."""
         static, solver = self._static, self._solver
         omitted = np.abs(static.missed * np.sqrt(static.mass.diagonal())).max(initial=0.0)
         if solver.error > COUPLING_ROUNDING or self._terms or omitted > COUPLING_ROUNDING:

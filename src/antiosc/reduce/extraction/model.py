@@ -243,7 +243,7 @@ def by_modes(structure: Structure, static: SiteShapes, n: int, tol: float) -> Mo
 def error_bound(
     known: ConstraintModes, remainder: Remainder, selected: Selection, band: float
 ) -> tuple[float, float]:
-    """(bound on ‖HZ_true - 1‖₂ and ‖(HZ_true)⁻¹ - 1‖₂, lowest [rad/s]) up to `band` [rad/s]."""
+    """(bound on ‖HZ_true - 1‖₂ and ‖(HZ_true)⁻¹ - 1‖₂ up to `band`, its lowest ω), [rad/s]."""
     static = known.static
     lowest = lowest_frequency_at_sites(static.k0, static.mass, selected.omega**2)
     x = sample_frequencies(band, lowest, SAMPLE_STEP) ** 2

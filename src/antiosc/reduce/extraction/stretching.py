@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 EXHAUSTED_SIZE = 1e-6
 #: Points whose strains are multiplied at once.
 POINTS_AT_ONCE = 20_000
-#: What is computed, for who waits.
+#: Text that names this computation in progress messages.
 PROGRESS_TEXT = "stretching of the part as it bends"
 
 

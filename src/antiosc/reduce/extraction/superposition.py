@@ -57,7 +57,7 @@ class StructureModes(ReprMixin):
     multiplicity : (n,) number of modes of the structure at each frequency. Frequencies with a
         relative difference below 1e-6 count as equal; their shapes are any basis of their space.
     participation : (n, 3) modal force of a unit acceleration of the supports along x, y, z,
-        φᵀMe, kg^1/2; None for given matrices without coordinates.
+        φᵀMe, kg^1/2; None for K and M without coordinates.
     mass : total mass, kg; None where it is not known.
     shapes : (rows of this rank, n) shapes of unit modal mass, kg^-1/2.
     structure : the structure.
@@ -207,7 +207,7 @@ class NaturalModes(ReprMixin, Body):
     body : the modal body; it contains rigid-body motions that do not move the site, too.
     local_compliance, radius : half-space compliance and radius of the patch (`AntiOscillators`).
     damping : Damping of the modes, or None.
-    info : facts of the extraction.
+    info : record of the extraction.
     """
 
     omega: Array

@@ -67,7 +67,7 @@ def functionals_at(structure: PartsMatrices, sites: Sequence[Site]) -> list[Func
 
 
 def _on_q(structure: PartsMatrices, site: Site, functional: Functional) -> Functional:
-    """The functional with loads on the reduced dofs q instead of u; SiteError if it is fixed."""
+    """The functional with loads on the reduced dofs q, not u; SiteError for a fixed site."""
     B = structure.joined(functional.B)
     comm = structure.comm
     if norm(comm, B[:, 0]) <= LEAST_FREE_SHARE * norm(comm, functional.b):
@@ -136,7 +136,7 @@ def places_of(
 
 
 def _on_surface(site: Site, place: Place) -> Place:
-    """The place of a site, of a patch in a solid with snap the nearest one on the surface."""
+    """The site's place; with `snap`, a patch inside a solid moves to the nearest surface point."""
     part = place.member.part
     if not site.snap or site.radius is None or not part.kind.outside:
         return place
@@ -212,7 +212,7 @@ def _sites_on_mesh(
     return sites_found
 
 
-#: Of a direction that leaves the material: a contact pushes.
+#: Warning for a direction that points out of the material, as a contact can only push.
 TURNED_WARNING = "the direction of the site at {} leaves the material there: it is turned into it."
 
 
@@ -350,7 +350,7 @@ class ReleasedSupports:
         self._rigid = matrices.places.rigid_motions(np.zeros(3))[:, :3]
 
     def inertia(self, following: Array) -> tuple[Array, Array]:
-        """(M g, M r); g: support motions plus `following` (rows, 6 S), r: unit translations."""
+        """(M g, M r); g: support motions plus motions `following` (rows, 6 S), r: translations."""
         self._motions = self._motions + self._of.expanded(following)
         return self._forces("M", self._motions), self._forces("M", self._rigid)
 

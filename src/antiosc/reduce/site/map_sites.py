@@ -36,7 +36,7 @@ class MapSites:
     """The sites of a map, and the triangles or segments that connect them."""
 
     sites: Sites  # the P sites that can move and have a surface
-    #: (T, 3) triangles between them, or (T, 2) segments of lines; none between points
+    #: (T, 3) triangles between the sites, or (T, 2) segments of lines; none for single points
     elements: IntArray
     count: int  # number of all requested sites
     names: NDArray[np.str_]  # (P,) name of the group or part of each site; "" for none
@@ -74,7 +74,7 @@ def surface_names(where: object) -> Sequence[str] | None:
 
 
 def concatenated_sites(surfaces: Sequence[MapSites]) -> MapSites:
-    """Sites of several surfaces joined; with triangles on one, segments on others are dropped."""
+    """Sites of several surfaces joined; if one has triangles, segments of others are dropped."""
     if len(surfaces) == 1:
         return surfaces[0]
     corners = max(surface.elements.shape[1] for surface in surfaces)

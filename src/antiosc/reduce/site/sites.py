@@ -153,7 +153,7 @@ class Sites:
     moving: Array  # (P,) share of the load on free dofs
     #: the points at which each load acts; None for a selection of sites
     weighted: Points | None = None
-    #: (P,) distances from the nearest supported node [m]; None but for the sites of a map
+    #: (P,) distances from the nearest supported node [m]; None except for the sites of a map
     clear: Array | None = None
 
     def __len__(self) -> int:
@@ -275,7 +275,7 @@ Doubt: TypeAlias = tuple[BoolArray, str]
 
 
 def warn_of_doubts(structure: MeshedStructure, sites: Sites, marked: bool = False) -> None:
-    """Warn of uncertain compliances; with `marked` not of cut patches, which a map marks itself."""
+    """Warn of uncertain compliances; `marked`: a map marks cut patches, so do not warn of them."""
     doubts = list(_mesh_doubts(structure, sites))
     if not marked:
         cut = _is_cut(sites)

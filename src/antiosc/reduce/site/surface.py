@@ -52,7 +52,7 @@ FIT_NODES = 24
 FIT_COEFFICIENTS = 9
 #: Faces whose nodes are taken: those within this many radii of the face at the point.
 FIT_REACH = 8.0
-#: Least relative error that is told: CAD itself has digits alone.
+#: Least relative error that is reported, as coordinates of CAD files are rounded.
 LEAST_CURVATURE_ERROR = 1e-3
 #: Singular values below this share of the largest one count as zero.
 RANK_TOLERANCE = 1e-6
