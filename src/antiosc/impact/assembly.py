@@ -96,7 +96,7 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
 def _tangential_stiffness(
     contact: Contact, law: ContactLaw, blow: tuple[float, float, float, float], local: float
 ) -> float:
-    """Tangential stiffness [N/m] of a contact without its patches of the compliance `local`.
+    """Tangential stiffness [N/m] of a contact without its patches' compliance `local` [m/N].
 
     The default is a share of the mean normal stiffness (the larger one of loading and unloading)
     over a half-sine contact. By Cerruti's solution, the tangential compliance of a patch is
@@ -137,7 +137,7 @@ def effective_mass(beta: Array, omega: Array) -> float:
 
 
 def _largest_component(beta: Array, modal: Array) -> Array:
-    """Largest |modal · beta| (p,) over rows (K, J); if its terms cancel, a tenth of Σ |terms|."""
+    """Largest |beta · modal| (p,) of K rows `modal`; if terms cancel, a tenth of Σ |terms|."""
     direct = abs(modal @ beta.T)
     parts = abs(modal) @ abs(beta).T
 
@@ -152,7 +152,7 @@ def _largest_component(beta: Array, modal: Array) -> Array:
 
 
 def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
-    """(law minus the patches' half-space compliance `local` [m/N], notes on the ends a, b)."""
+    """(law minus half-space compliance `local` [m/N] of the patches, notes naming sites a, b)."""
     if local == 0.0 or law.compliance > 0.0:
         return law, []
 

@@ -86,7 +86,7 @@ def common_length(lengths: dict[str, int]) -> int:
 BYTES_PER_SCENE = 3.2e3
 #: Scenes that are solved at once.
 SCENES_PER_CHUNK = 4096
-#: What a batch leaves out that `simulate` warns of.
+#: Sentence on the warnings of `simulate` that a batch does not give.
 UNCHECKED_NOTE = (
     "truncation, cells, large deflections and rotations are not checked: simulate the worst impact"
     " alone"

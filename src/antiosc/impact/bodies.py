@@ -82,7 +82,7 @@ class RigidMass(Checked, Body):
         checks.store(self, material=matter, **_surface_constants(matter))
 
     def surface(self, site: str = "") -> Surface | None:
-        """Its spherical tip; None if the radius or the material is unknown."""
+        """The surface of its spherical tip; None if radius or material is unknown."""
         if self.tip_radius is None or not isinstance(self.material, Matter):
             return None
         return ball(self.material, self.tip_radius)
@@ -441,9 +441,9 @@ def named_impactor(
     )
 
 
-#: cosine of the angle beyond which two directions are not taken as one
+#: two directions count as parallel if the cosine of their angle is at least this
 PARALLEL_COSINE = 0.999
-#: the largest principal moment over the sum of the others, in figures that are rounded
+#: largest permitted ratio of a principal moment to the sum of the others; above 1 for rounding
 MAX_MOMENT_RATIO = 1.01
 #: share of a body's momentum in its elastic modes from which supports hold it
 SUPPORTED_MOMENTUM_SHARE = 1e-6
@@ -525,16 +525,15 @@ class SceneBody:
     start_velocities: Array  # (J,) modal velocities
     initial_displacements: Array | None = None  # (J,) modal displacements; None: none
     gap: float = 0.0  # distance [m] of an `Obstacle` from the structure at the start
-    #: half-space compliances [m/N] of the patches by site, which its modes contain
+    #: site -> half-space compliance [m/N] of its patch, which the modes contain
     local_compliance: Mapping[str, float] = field(default_factory=dict)
     patch_radius: float | None = None  # radius [m] of the patch of its one site, if it has one
     #: direction (3,) in which the contact pushes each site, if known
     push_directions: dict[str, Array] = field(default_factory=dict)
-    #: for a body without `directions`: direction (3,) of each site's coordinate, which its contacts
-    #: define
+    #: for a body without directions in space: direction (3,) of each site, from its contacts
     site_axes: dict[str, Array] = field(default_factory=dict)
-    #: states (2, I) of first-order modes at the start; None: those of the displacements and
-    #: velocities with relaxed branches
+    #: initial states (2, I) of the first-order modes; None: they follow from the initial
+    #: displacements and velocities, with relaxed Maxwell branches
     first_order_start: Array | None = None
 
     def __post_init__(self) -> None:

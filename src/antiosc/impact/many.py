@@ -17,11 +17,11 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr, Result
 from antiosc.plot.charts import figure_or_path, panels
 
-#: Share of the samples within a confidence interval.
+#: Default confidence level of the intervals.
 CONFIDENCE_LEVEL = 0.95
 #: Least distance of a share from 0 and 1: closer ones have no finite number of samples.
 MIN_SHARE = 1e-12
-#: Shares of the results below the quantiles that are told, unless others are asked for.
+#: Default probabilities of the quantiles that are printed.
 QUANTILES = (0.05, 0.5, 0.95)
 
 

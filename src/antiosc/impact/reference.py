@@ -53,7 +53,7 @@ def _run_of_nodes(
 INITIAL_STEPS_PER_CONTACT = 24  # steps in the shortest contact that is expected, at first
 MAX_RUNS = 24
 STABLE_STEP_SHARE = 0.9  # of the leapfrog's limit of stability, h omega = 2
-#: Motion at the end of a step without its forces, from that at its start, forces there, loads.
+#: (motion at the start of a step, forces there, loads) -> motion at its end without forces there.
 StepPredictor = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
 
 

@@ -111,7 +111,7 @@ class Scene(SceneParts):
         method, step, max_contacts, max_steps, proof : as for `simulate`
             Methods other than "exact" do not support friction; proved bounds are in
             `hit[a, b].enclosure`. "exact" halves a given step where it does not resolve the forces,
-            and stops with a message if the contacts then still excite modes.
+            and stops with a message if the bodies gain energy.
 
         Returns
         -------
@@ -218,7 +218,7 @@ def with_proof(history: H, tol: float = 0.0) -> H:
 
 
 def with_warning(history: H, sentence: str) -> H:
-    """Warn with a sentence, unless it is "", and add it to the message of the history."""
+    """The history with a sentence (unless "") added to its message; also warn with it."""
     if not sentence:
         return history
     warn(sentence, AccuracyWarning)
@@ -341,7 +341,7 @@ def _warn_coarse_cells(scene: Scene, history: SceneHistory) -> None:
                 warn(f"{name!r} in the contact of {of}: {sentence}", AccuracyWarning)
 
 
-#: Relative error of the forces by the step: little beside the errors of meshes and of laws.
+#: Relative force error of time integration: small compared with the errors of meshes and laws.
 DEFAULT_TOL = 1e-3
 
 

@@ -37,7 +37,7 @@ from antiosc.models.stretch import stretch_of
 
 #: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
 MAX_PHASE = 1e15
-#: The row of the one contact in the displacements of both bodies along their pushes.
+#: Row that gives the indentation from both bodies' displacements along the forces on them.
 _CONTACT_ROW = np.array([[-1.0, -1.0]])
 
 
@@ -61,7 +61,7 @@ class ModalPair(NamedTuple):
 
     @property
     def mass(self) -> float:
-        """Inertia [kg] behind the contact."""
+        """Effective mass [kg] of both bodies at the contact."""
         mobility = sum(one.mobility for one in self.modes)
         return 1 / mobility if mobility > 0 else 1.0
 
@@ -87,7 +87,7 @@ class ModalPair(NamedTuple):
 
 
 def check_span(system: System, duration: float) -> None:
-    """InputError if nothing moves; AccuracyError if phases lose their digits in a duration [s]."""
+    """InputError if nothing moves; AccuracyError if a duration [s] is too long for the phases."""
     if not system.omega.size:
         raise InputError("nothing can move: give the model or the impactor a mass.")
 
@@ -227,9 +227,9 @@ def impact_band(
 IMPACT_DTYPE = cast("np.dtype[np.void]", np.dtype(library.CImpact))
 OUTCOME_DTYPE = cast("np.dtype[np.void]", np.dtype(library.COutcome))
 
-#: Modes times attempted steps between two looks for an interrupt: some 0.05 s.
+#: Modes times attempted steps between two checks for an interrupt: some 0.05 s.
 _MODE_STEPS_PER_CALL = 4_000_000
-#: Least nodes that a call may write.
+#: Least number of nodes for which a call has space.
 _MIN_NODES = 200_000
 
 

@@ -52,7 +52,7 @@ class RunHistory(OneContact):
     structure: object = None
     enclosures: tuple[Enclosure, ...] = ()
 
-    #: Whether every contact and body has a name; else they are a structure and an impactor.
+    #: Whether contacts and bodies have names given by the user (a scene).
     named: ClassVar[bool] = False
 
     # -- at the nodes
@@ -116,7 +116,7 @@ class RunHistory(OneContact):
 
     @property
     def step(self) -> float:
-        """Step during contact [s]: the given one, or the mean."""
+        """Time step during contact [s]: the step set by the user, or the mean step."""
         if self.given is not None:
             return self.given
 

@@ -89,7 +89,7 @@ class OneContact:
 
     @property
     def law(self) -> ContactLaw:
-        """The given or chosen law of the contact, before patch compliances are subtracted."""
+        """The law of the contact before patch compliances are subtracted."""
         return self._record.assembly.scene.contacts[self._row].law
 
     @property
@@ -101,7 +101,7 @@ class OneContact:
 
     @property
     def deepest(self) -> float:
-        """Largest indentation [m], including the patches' if the law in the run omits it."""
+        """Largest indentation [m]; patch indentation subtracted from the law is added back."""
         marched = self._record.assembly.laws[self._row]
         compliance = marched.compliance if self.law.compliance == 0.0 else 0.0
         return float(max(self.indentation.max(), 0.0)) + compliance * self.peak_force
@@ -174,7 +174,7 @@ class OneContact:
 
     @cached_property
     def _numbers(self) -> library.CNumbers:
-        """The numbers of the contact and of each of its touches."""
+        """Scalar results of the contact and of each of its touches, by the C library."""
         run = self._record.run
         a = self._record.assembly
         touches, goes_on = self._touch_records
@@ -202,11 +202,11 @@ class OneContact:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactHistory(OneContact, ReprMixin):
-    """One contact of a history: its force at the nodes, and its numbers.
+    """One contact of a history: force over time and scalar results.
 
     Attributes
     ----------
-    ends : the names of its ends.
+    ends : names of the two sites in contact.
     """
 
     ends: tuple[str, str]
