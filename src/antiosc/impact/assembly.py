@@ -171,7 +171,7 @@ def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[Contac
 
 @dataclass(eq=False)
 class Assembly:
-    """A scene in one set of modal coordinates."""
+    """A scene as one system in modal coordinates, ready for time integration."""
 
     #: scene, bodies: bodies and contacts as given by the user; the placed bodies by name
     scene: SceneParts
