@@ -54,7 +54,7 @@ def _range_check(text: str, fits: Callable[[float], bool]) -> Callable[[str, obj
     return check
 
 
-#: of a force that grows as delta^n
+#: exponent n of a force that grows as delta^n
 _checked_exponent = _range_check("1 <= n <= 10 (1 linear, 1.5 Hertz)", lambda n: 1 <= n <= 10)
 _checked_poisson = _range_check("0 <= nu < 0.5", lambda nu: 0 <= nu < 0.5)
 _checked_restitution = _range_check("0 < e <= 1", lambda e: 0 < e <= 1)
@@ -67,7 +67,7 @@ class PatchedLaw(Compiled):
 
     c is subtracted for a structure whose compliance contains the half-space compliance of a contact
     patch. At `valid_force` c is 0.7 of the flexibility of the law in loading or unloading. Beyond
-    this force the share 0.7 is kept, energies are approximate, and `simulate` raises AccuracyError.
+    this force c is limited to that share, energies are inexact, `simulate` raises AccuracyError.
     """
 
     compliance: float = field(
@@ -110,7 +110,7 @@ class Linear(Compiled):
 
 @dataclass(frozen=True, repr=False)
 class Punch(PatchedLaw, Linear):
-    """Law of a rigid flat punch on a half-space; a patch compliance above 0.7/stiffness is kept."""
+    """Law of a rigid flat punch on a half-space; only a patch compliance <= 0.7/k is subtracted."""
 
     def without(self, compliance: float) -> Self:
         return (
@@ -146,7 +146,7 @@ class Hertz(Compiled):
     compliance: float = field(default=0.0, metadata=checked_by(checks.nonnegative, "m/N"))
 
     kind: ClassVar[int] = library.HERTZ
-    #: rho at which the law with a compliance ends
+    #: rho up to which a law with a compliance is valid
     END: ClassVar[float] = LARGEST_PATCH_SHARE
 
     @checks.within_range
@@ -288,7 +288,7 @@ class Gonthier(_Damped):
 
 @dataclass(frozen=True, repr=False)
 class Hysteretic(PatchedLaw):
-    """Laws that yield: the state is (deepest indentation, turning point [m], lost energy [J])."""
+    """Base of laws that yield; state: (deepest indentation, turning point [m], lost energy [J])."""
 
     has_memory: ClassVar[bool] = True
     size: ClassVar[int] = 3
@@ -390,7 +390,7 @@ class ElasticPlastic(Hysteretic):
         return self.stiffness * self.yield_indentation**1.5
 
     def error_at(self, depth: float) -> tuple[float, float]:
-        """(relative error of force, error of restitution) at an indentation [m] with the patch's.
+        """(relative error of force, error of restitution) at an indentation [m], patch included.
 
         They are the largest differences from small-strain finite elements with nu = 0.2 to 0.45,
         elastic shares up to 0.74, without hardening and with E/50 (benchmarks/elastoplastic), at

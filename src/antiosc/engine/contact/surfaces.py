@@ -89,9 +89,9 @@ class Surface:
     #: (3,) unit vector of the first principal direction; None: not known, or none
     along: tuple[float, float, float] | None = None
     radius: float | None = None  # radius of the patch of the contact [m]; None: a point
-    #: radius [m] of the largest ball that touches there and meets the body nowhere else; inf: any
+    #: largest radius [m] of a ball that touches the body only at the contact; inf: no limit
     largest_ball: float = inf
-    #: (3,) the point of the body that a larger ball meets [m]; None without one
+    #: (3,) point [m] where a larger ball would also touch the body; None if there is no limit
     meets: tuple[float, float, float] | None = None
 
     def as_dict(self) -> dict[str, Any]:
