@@ -89,7 +89,7 @@ def _carrying_radius(
 
 
 def next_count(hit: History) -> int | None:
-    """The next number of anti-oscillators; None if they are enough or more would cost too much."""
+    """The next larger number of anti-oscillators; None if it is not needed or too expensive."""
     model = hit.model
     if hit.rerun is None or truncation_error(model, hit.rerun).peak_force <= MAX_TRUNCATION_ERROR:
         return None

@@ -270,7 +270,7 @@ def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:
 def hardest(
     impact_map: ImpactMap, sites: IntArray | None = None, values: Array | None = None
 ) -> int:
-    """The reliable site (of `sites`) with the largest of `values` (P,); default: peak force."""
+    """Number of the reliable site in `sites` with the largest of `values` (P,) or peak force."""
     values = impact_map.peak_force if values is None else values
     assert values is not None
     sites = trusted(impact_map, sites)
@@ -278,7 +278,7 @@ def hardest(
 
 
 def spread_sites(impact_map: ImpactMap, most: int) -> IntArray:
-    """At most `most` reliable sites: of largest force, then the farthest from those chosen."""
+    """At most `most` reliable sites: that of largest force, then always the farthest from those."""
     sites = trusted(impact_map)
     if len(sites) <= most:
         return sites

@@ -32,7 +32,7 @@ from antiosc.strikes import second_order
 
 H = TypeVar("H")
 
-#: Most rounds of smaller cells, and most places of a round. With two, one of two alike places
+#: Most rounds of smaller cells, and most refined places a round. With two, one of two alike places
 #: stayed coarse: 523 to 608 MPa where the truth was 871, which five gave as 832 to 913.
 MAX_ROUNDS, MAX_PLACES = 4, 5
 #: Least and largest ratio of new to old sizes of cells, and the share of the tolerance aimed at.
@@ -64,7 +64,7 @@ class StressResult:
 
 
 def fields_by_strength(structure: Structure, hit: History, **options: Any) -> dict[str, PeakField]:
-    """Stress fields by the criterion of the materials' strengths, without any "von_mises"."""
+    """criterion -> stress field for the materials' strengths; "von_mises" without strengths."""
     if "quantity" in options:
         return {options["quantity"]: peak_field(structure, hit, **options)}
     if hit.assembly.beyond_theory:
@@ -159,8 +159,8 @@ def struck_again(hit: History, structure: Structure, model: AntiOscillators) -> 
 def stress_bar(field: PeakField) -> tuple[float, float]:
     """Relative mesh errors (below, above) of the largest judged stress.
 
-    The bound below uses the error of its own node. Errors of other nodes may be too small by
-    chance: the largest of all lower bounds was above the truth in 2 of 28 impacts.
+    The lower bound uses the error at the node of that stress. Errors at other nodes may be too
+    small by chance: the largest of all lower bounds was above the truth in 2 of 28 impacts.
     """
     values, errors = _judged_stresses(field)
     k = int(values.argmax())

@@ -148,7 +148,7 @@ def run_newmark(blow: UnreducedImpact) -> MethodOutcome:
 
 
 def _integrated_curve(blow: UnreducedImpact, A: Factorization) -> ContactCurve:
-    """All steps with the factor A of K + 4 M/h²."""
+    """The contact curve after all steps, with the factor A of K + 4 M/h²."""
     h = blow.step
     mass_matrix = blow.structure.M
     comm = blow.structure.comm
