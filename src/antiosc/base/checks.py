@@ -30,7 +30,7 @@ ROUNDING = 1e-12
 P = ParamSpec("P")
 T = TypeVar("T")
 S = TypeVar("S", bound=np.generic)
-#: of the values that a check lets pass
+#: type of the values that a check returns unchanged
 C = TypeVar("C")
 
 #: A quantity in SI units is 0 or lies between these in magnitude. Products and powers of a few such
@@ -57,7 +57,7 @@ class _Required:
 
 REQUIRED: Any = _Required()
 
-#: strings, comments of TOML, and whatever else is no bracket
+#: strings, TOML comments and all other text that contains no bracket
 _NO_BRACKETS = r""""(?:[^"\\\n]|\\.)*"|'[^'\n]*'|\#[^\n]*|[^][{}"'#]+|["'#]"""
 
 _repr = reprlib.Repr()
