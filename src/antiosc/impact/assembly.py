@@ -49,7 +49,7 @@ MIN_COMPLIANCE_SHARE = 0.1  # fraction of a tangential compliance left to the sl
 
 
 def expect_contacts(scene: SceneParts, system: System, local: Array, duration: float) -> float:
-    """Set the expected values of each contact; returns the shortest expected contact time [s]."""
+    """Set expected depth, speed and mass of each contact; returns the shortest contact time [s]."""
     p = len(system.laws)
     gaps = system.offsets[0, :p]
     modal = system.v if system.v.any() else system.omega * system.q  # of what is let go
@@ -123,7 +123,7 @@ def _tangential_stiffness(
 
 
 def effective_mass(beta: Array, omega: Array) -> float:
-    """Estimated mass [kg] behind a contact, from rigid-body modes and static deflection."""
+    """Estimated effective mass [kg] at a contact, from rigid-body modes and static deflection."""
     rigid = omega == 0
     b = beta[rigid]
     mobility = float(b @ b)

@@ -223,7 +223,7 @@ class Obstacle(FieldsRepr, Body):
         checks.store(self, gap=checks.nonnegative("gap", self.gap, "m"), velocity=velocity)
 
     def surface(self, site: str = "") -> Surface | None:
-        """A rigid plane."""
+        """The surface of the obstacle, a rigid plane."""
         return Surface(RIGID_MATTER)
 
     def modal(self) -> ModalBody:
@@ -236,7 +236,7 @@ class Impactor(FieldsRepr, Body):
 
     Its contact point is the site of its model; the contact force acts in the direction of the site.
     `velocity` is a number [m/s], > 0 toward the structure, or a `Motion` in the axes of the
-    impactor's mesh, as `initial_velocity` of `simulate`. It must be 0 for a supported body.
+    impactor's mesh, as `initial_velocity` of `simulate`. A supported body must have velocity 0.
     """
 
     body: LinearBody
@@ -278,7 +278,7 @@ ICE_DENSITY = 917.0
 
 @dataclass(frozen=True, repr=False)
 class NamedImpactor(FieldsRepr):
-    """A named impactor with the source of its numbers; None for a number not in the source."""
+    """A named impactor with the source of its numbers; numbers not in the source are None."""
 
     name: str  #: its name in `named_impactor`
     source: str  #: the document that gives the numbers
@@ -460,7 +460,7 @@ class RigidBody(FieldsRepr):
     inertia : array_like, shape (3,) or (3, 3)
         Principal moments about the axes, or the inertia tensor, about the centre [kg m^2].
     sites : mapping
-        Name -> (point, direction): place (3,) [m], and direction (3,) in which the contact pushes
+        Name -> (point, direction): point (3,) [m], and direction (3,) in which the contact pushes
         the body there.
     centre : array_like, shape (3,)
         Centre of mass [m].
@@ -661,7 +661,7 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
 
 
 def _scene_body_of_modal(name: str, body: object) -> SceneBody:
-    """A body with a modal form as a body of a scene."""
+    """The `SceneBody` of a body that has a modal form."""
     linear_body = checked_body(f"body {name!r}", body)
     modes = linear_body.modal()
     velocity = linear_body.velocity
@@ -675,7 +675,7 @@ def _scene_body_of_modal(name: str, body: object) -> SceneBody:
 def single_site_body(
     name: str, body: object, linear_body: Body, modes: ModalBody, start_velocities: Array
 ) -> SceneBody:
-    """A body with one contact point, with modal initial velocities (J,)."""
+    """The `SceneBody` of a body with one contact point and modal initial velocities (J,)."""
     local = {"": linear_body.local_compliance}
     return SceneBody(
         name,
@@ -689,7 +689,7 @@ def single_site_body(
 
 
 def _scene_body_of_rigid(name: str, body: RigidBody) -> SceneBody:
-    """A rigid body as a body of a scene."""
+    """The `SceneBody` of a `RigidBody`."""
     moments, axes = np.linalg.eigh(body.inertia)
     columns: list[Array] = []
     sites: dict[str, tuple[int, ...]] = {}

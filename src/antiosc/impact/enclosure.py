@@ -60,7 +60,7 @@ class Enclosure(FieldsRepr):
     Attributes
     ----------
     time : (n,) instants [s] of the run.
-    lower, upper : (n,) bounds on the force [N]; infinite where nothing is known.
+    lower, upper : (n,) bounds on the force [N]; infinite where no bound is known.
     peak, impulse : bounds on the peak force [N] and on the impulse [N s], (lower, upper).
     horizon : time [s] from which the bounds are wider than a fifth of the largest force.
     n : number of Krylov vectors of the reference motion.

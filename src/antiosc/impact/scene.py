@@ -331,7 +331,7 @@ def range_error(
 
 
 def _warn_coarse_cells(scene: Scene, history: SceneHistory) -> None:
-    """Warn of a body whose cells are too long for the wave of a contact of the run."""
+    """Warn of a body whose cells are too long for the waves that a contact excites."""
     for contact, touched in zip(scene.contacts, history.contact_histories, strict=True):
         for end in (contact.a, contact.b) if touched.contacts else ():
             name, _, site = end.partition(":")
@@ -540,8 +540,8 @@ class RepeatableImpact:
 def _truncated_model(
     model: LinearBody, n: int | str, run: RunOnModel, tol: float
 ) -> tuple[LinearBody, dict[str, float], str]:
-    """(model truncated to `n`, or for "auto" to the fewest for `tol`; its errors; note if they are
-    too few)."""
+    """(model truncated to `n`, or for "auto" to the fewest for `tol`; its errors; note if n is
+    too small)."""
     if not isinstance(model, AntiOscillators):
         raise InputError(f"only AntiOscillators can be truncated; got {type(model).__name__}.")
     if not isinstance(n, str):

@@ -259,7 +259,7 @@ class SceneParts(FieldsRepr):
 def two_body_parts(
     model: object, impactor: object, law: ContactLaw, gap: float, gravity: float | Sequence[float]
 ) -> SceneParts:
-    """The scene "structure" and "impactor" of `simulate`, from checked arguments."""
+    """The scene of `simulate`, "structure" and "impactor", from checked arguments."""
     parts = SceneParts.__new__(SceneParts)
     contact = Contact.__new__(Contact)
     bodies = {"structure": model, "impactor": impactor}

@@ -206,7 +206,7 @@ def _advanced_states(
 def node_states(
     run: Run, system: System, first: int = 0, last: int | None = None
 ) -> tuple[Array, Array]:
-    """Modal states (n, J) at the nodes of the steps `first` to `last`."""
+    """Modal states (n, J) at the time nodes of the steps `first` to `last`."""
     last = run.time.size // 2 if last is None else last
     size = system.omega.size
     nodes = 2 * (last - first) + 1
@@ -235,7 +235,7 @@ def step_blocks(run: Run, size: int) -> list[tuple[int, int]]:
 
 
 def with_flight_nodes(run: Run, system: System) -> Run:
-    """The run with more nodes in its flights, for pictures."""
+    """The run with more time nodes in its flights, for pictures."""
     if run.time.size < 3:
         return run
 

@@ -132,8 +132,8 @@ def truncation_error(
 
 
 def choose_n(model: AntiOscillators, run: RunOnModel, tol: float = 1e-2) -> TruncationError:
-    """The fewest anti-oscillators of `model` whose errors are at most `tol`, or all of them; the
-    errors are the change from the full model plus the full model's truncation error.
+    """Number and errors of the fewest anti-oscillators of `model` that meet `tol`, else of all;
+    the errors are the change from the full model plus the full model's truncation error.
 
     `run(model, tol)` is the impact, as for `truncation_error`.
 

@@ -152,7 +152,7 @@ def modal_pair(impact: Impact) -> ModalPair:
 
 
 def assemble_pair(impact: Impact) -> Assembly:
-    """Assemble "structure" and "impactor"."""
+    """The assembly of the bodies "structure" and "impactor" for time integration."""
     model, impactor, contact, duration, _, gravity, gap = impact
     pair = modal_pair(impact)
     checks.instance("contact", contact, ContactLaw, LAW_RULE)
@@ -279,7 +279,7 @@ class ImpactRows:
         self._held = system, rows
 
     def _strikers(self, impacts: Sequence[Impact], system: System) -> tuple[Array, Array, Array]:
-        """(contact rows, initial velocities (S, J), masses (S,) [kg] behind the contacts)."""
+        """(contact rows, initial velocities (S, J), effective masses (S,) [kg] at the contacts)."""
         count = len(impacts)
         strikers = [cast("RigidMass", striker.impactor) for striker in impacts]
         beta, v = (np.repeat(row.reshape(1, -1), count, axis=0) for row in (system.beta, system.v))
@@ -289,7 +289,7 @@ class ImpactRows:
         return beta, v, 1 / (self.pair.modes[0].mobility + b * b)
 
     def solve(self) -> tuple[NDArray[np.void], list[tuple[Array, Array]]]:
-        """(outcomes (`aom_outcome`), (times [s], forces [N]) at the contact nodes of each)."""
+        """(outcomes (`aom_outcome`), (times [s], forces [N]) of each impact during contact)."""
         rows = self.rows
         size = self._held[0].omega.size
         space = _Workspace(size)
@@ -332,7 +332,7 @@ class _Workspace:
         library.library.aom_batch_create(size, *arguments)
 
     def read_pulses(self, counts: NDArray[np.int64]) -> list[tuple[Array, Array]]:
-        """Copy the nodes of all impacts and empty the buffers."""
+        """(times, forces) of each impact, copied from the buffers, which are emptied."""
         time, force = (array[: self.nodes.n_nodes].copy() for array in (self.time, self.force))
         self.nodes.n_nodes = 0
         ends = np.cumsum(counts).tolist()

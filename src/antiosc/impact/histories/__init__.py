@@ -50,7 +50,7 @@ class History(RunHistory, SavableResults):
     Attributes
     ----------
     error : estimated relative errors, the largest of all contacts: "force" (L2 norm and impulse)
-        and "peak"; empty if the step was given. With n="auto" also "truncation peak_force",
+        and "peak"; empty if the user set the step. With n="auto" also "truncation peak_force",
         "... impulse", "... contact_time".
     status : 0: completed; 1: completed, tol not met; 2: stopped before the end; 3: completed, but
         a contact is still closed at the end of the run: its contact time, impulse and peak force
@@ -72,8 +72,8 @@ class History(RunHistory, SavableResults):
     def error_budget(self) -> ErrorBudget:
         """Error bars of peak force, impulse and contact time: mesh, truncation, time, patch, total.
 
-        They are relative errors, such as `hit.error_budget["peak_force"].total`; printed, they are
-        a table. The first use simulates the impact up to eight more times; the result is kept.
+        Bars are relative errors, such as `hit.error_budget["peak_force"].total`; `print` shows them
+        as a table. The first use simulates the impact up to eight more times; the result is kept.
         If the model was extracted without `error="estimate"`, or has no such estimate, the mesh
         error is missing and "mesh" is in `unknown`. InputError for a scene.
         """
@@ -280,7 +280,7 @@ class History(RunHistory, SavableResults):
     @property
     def stretch_texts(self) -> list[str]:
         """Sentences on bodies with second-order forces and the number of their modes, and on a thin
-        solid without them."""
+        solid without such forces."""
         if left_out := self.assembly.omitted_stretch_ratio:
             energy = f"the energy of second-order strain is {percent(left_out)} of that of its"
             return [f"'structure' is taken as linear: {energy} motion at the largest force"]

@@ -69,7 +69,7 @@ class ErrorBar:
 class ErrorBudget(Mapping[str, ErrorBar]):
     """The error bars of "peak_force", "impulse" and "contact_time".
 
-    Without the error of the "mesh" or of the "law" there is no bar. If the user gave the law, the
+    If the error by "mesh" or "law" is unknown, there is no bar. If the user gave the law, the
     bars hold for this law.
     """
 
@@ -181,7 +181,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def no_bar(self) -> bool:
-        """Whether a cause that may be the largest, the law or the mesh, is unknown."""
+        """Whether the error of the law or of the mesh, which may be the largest, is unknown."""
         return "mesh" in self.unknown or any(bar.law is None for bar in self.values())
 
     @property
@@ -301,7 +301,7 @@ def relative_changes_with_site(first: Any, second: Any) -> dict[str, float]:
 
 
 def with_floor(errors: Mapping[str, float]) -> dict[str, float]:
-    """The errors, raised to at least `MIN_ERROR_SHARE` times the largest of three quantities."""
+    """The errors, raised to at least `MIN_ERROR_SHARE` times the largest of the three."""
     worst = max(errors[name] for name in QUANTITIES)
     return {name: max(error, MIN_ERROR_SHARE * worst) for name, error in errors.items()}
 

@@ -1,4 +1,4 @@
-"""Factors of a body's shapes in its motion: displacements and their time derivatives.
+"""Factors by which a body's shapes add up to its motion, and their time derivatives.
 
 The equations of motion in modal coordinates give the accelerations from the displacements, the
 velocities and the forces; nothing is differentiated numerically.

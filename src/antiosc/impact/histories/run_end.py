@@ -108,7 +108,7 @@ def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
 
 
 def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
-    """Reason why nothing touched, perhaps a wrong sign; "" if something touched."""
+    """Reason why nothing touched, such as a wrong sign; "" if something touched."""
     system = assembly.system
     if ended.touches or np.any(system.start_forces):
         return ""

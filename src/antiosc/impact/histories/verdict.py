@@ -84,9 +84,9 @@ class ContactZone(NamedTuple):
     def spread(self, patch: float, distance: Array) -> Array:
         """Effect of spreading the force over a larger circle of radius `patch` [m].
 
-        Returns the largest von Mises stress [Pa] of the difference at distances (n,) [m] from the
-        contact: for a half-space that of Hertz's pressure; for a sheet that of bending, in which a
-        point load acts like a circle of radius 0.325 thicknesses (Westergaard).
+        Returns the largest von Mises stress [Pa] of the stress change at distances (n,) [m] from
+        the contact: by Hertz's pressure on a half-space, or by bending of a sheet, where a point
+        load acts like a circle of radius 0.325 thicknesses (Westergaard).
         """
         if self.thickness:
             least = max(self.radius, POINT_CIRCLE_RATIO * self.thickness)
@@ -151,7 +151,7 @@ def unknown_dent(contact: OneContact) -> str:
 
 
 def yield_sentence(contact: OneContact) -> str:
-    """Sentence on whether the contact yields and its dent; "" if nothing is known."""
+    """Sentences on yielding, dent and cracks of the contact; "" if nothing is known."""
     return " ".join(
         filter(None, [_yields_sentence(contact), crack_note(_contact_materials(contact))])
     )
@@ -199,7 +199,7 @@ def law_text(contact: OneContact) -> str:
 
 
 def law_error_text(contact: OneContact) -> str:
-    """Text: error of the peak force due to a law chosen by "auto"; "" for a given law."""
+    """Text: error of the peak force due to a law chosen by "auto"; "" for the user's law."""
     choice = law_choice(contact)
     if choice is None or choice.law != contact.law or not contact.peak_force > 0:
         return ""
