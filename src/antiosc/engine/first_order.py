@@ -64,7 +64,7 @@ class FirstOrder:
     spring_shapes: Sequence[Array]
 
     def receptance(self, b: Array, omega: Numbers) -> ComplexArray:
-        """b'(dynamic stiffness)^-1 b at circular frequencies (...), b (J, P): (..., P, P)."""
+        """b'(dynamic stiffness)^-1 b, (..., P, P), for b (J, P) at `omega` (...) [rad/s]."""
         s = 1j * omega[..., None]
         size = self.omega.size
         b_at_q = self.at_q[:, :size].T @ b
@@ -388,7 +388,7 @@ def _equal_poles(poles: Numbers) -> list[list[int]]:
 def _paired_poles(
     plus: list[tuple[float, Array]], minus: list[tuple[float, Array]], fastest: float
 ) -> list[tuple[float, float, Array, Array]]:
-    """Real modes (w, d, c_a, c_b) of pairs of real poles, given as (pole, eigenvector).
+    """Real modes (w, d, c_a, c_b) of pairs of real poles, each pole as (pole, eigenvector).
 
     A pole of negative square (`minus`) is paired with the nearest slower pole of positive square
     (`plus`); a pole without a partner, with a pole of zero share. fastest : rate [1/s] of a pole

@@ -70,7 +70,7 @@ class Run:
         return states
 
     def _advanced(self, law: ContactLaw, state: State, c: int, first: int, last: int) -> State:
-        """The law state of contact c, which stays closed, after the steps between two nodes."""
+        """Law state of contact c, which stays closed, after the steps between two time nodes."""
         if is_compiled(law):  # of the deepest indentation alone
             return law.advance(float(self.depth[first : last + 1, c].max()), 0.0, state)
         for n in range(first + first % 2, last - 1, 2):
@@ -151,7 +151,7 @@ class Buffers:
 
 
 class Workspace:
-    """A stepper of the C library, its runs, and its memory with stored step responses."""
+    """Memory of the C library for runs: stepper, stored step responses, and recorded runs."""
 
     def __init__(self, packed: PackedSystem) -> None:
         system = packed.system

@@ -214,7 +214,7 @@ class BodyModes(NamedTuple):
 
 
 def consecutive_slices(sizes: Iterable[int]) -> list[slice]:
-    """Slices of parts of these sizes that follow one another."""
+    """Consecutive slices of these sizes, the first from 0."""
     return list(starmap(slice, pairwise(accumulate(sizes, initial=0))))
 
 
@@ -254,7 +254,7 @@ Key = tuple[int, int, int, bytes]
 
 
 class PackedSystem:
-    """A system for the C library; systems with equal `key` have the same counts and responses."""
+    """A system for the C library; equal `key`: the same numbers of modes and modal responses."""
 
     def __init__(self, system: System) -> None:
         s = system

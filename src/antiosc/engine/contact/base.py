@@ -149,7 +149,7 @@ class ContactLaw(ABC):
 
     @property
     def theory(self) -> str:
-        """Name of the law in a sentence."""
+        """Name of the law, for use in a sentence."""
         return f"{type(self).__name__}'s law"
 
     def potential(self, delta: float, state: State) -> float:
@@ -324,6 +324,6 @@ class Compiled(Checked, ContactLaw):
 
 
 def is_compiled(law: ContactLaw) -> TypeGuard[Compiled]:
-    """Whether the C library has this law; user subclasses do not count, as they may override."""
+    """Whether the C library has this law; no user subclasses, as they may override functions."""
     module = type(law).__module__
     return isinstance(law, Compiled) and module.startswith("antiosc.engine.contact.")

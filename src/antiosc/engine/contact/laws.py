@@ -83,7 +83,7 @@ class PatchedLaw(Compiled):
 
 @dataclass(frozen=True, repr=False)
 class Power(Compiled):
-    """F = stiffness * delta^exponent.
+    """Contact law F = stiffness * delta^exponent.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class Power(Compiled):
 
 @dataclass(frozen=True, repr=False)
 class Linear(Compiled):
-    """F = stiffness * delta >= 0, a spring that can only push. `stiffness` in N/m."""
+    """Contact law F = stiffness * delta >= 0, an elastic stop. `stiffness` in N/m."""
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m"))
 
@@ -202,7 +202,7 @@ HERTZ_EXPONENT = 1.5
 
 @dataclass(frozen=True, repr=False)
 class _Damped(PatchedLaw):
-    """F = stiffness * delta^exponent * (1 + d * rate/v0), never negative.
+    """Base of damped laws: F = stiffness * delta^exponent * (1 + d * rate/v0), never negative.
 
     stiffness [N/m^exponent] > 0; restitution 0 < e <= 1; exponent >= 1 (1.5 as in Hertz's law).
     """
@@ -231,7 +231,7 @@ class _Damped(PatchedLaw):
 
 
 class HuntCrossley(_Damped):
-    """d = 3 (1 - e)/2. K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440-445."""
+    """Damping d = 3 (1 - e)/2. K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440-445."""
 
     @staticmethod
     def _factor(e: float) -> float:
@@ -239,7 +239,7 @@ class HuntCrossley(_Damped):
 
 
 class LankaraniNikravesh(_Damped):
-    """d = 3 (1 - e^2)/4. H. M. Lankarani, P. E. Nikravesh, J. Mech. Des. 112 (1990) 369-376.
+    """Damping d = 3 (1 - e^2)/4. H. Lankarani, P. Nikravesh, J. Mech. Des. 112 (1990) 369-376.
 
     Derived for e near 1: for e = 0.9, 0.7, 0.5 rigid bodies rebound with 0.91, 0.80, 0.73;
     `Gonthier` has no such limit.
@@ -251,7 +251,7 @@ class LankaraniNikravesh(_Damped):
 
 
 class Flores(_Damped):
-    """d = 8 (1 - e)/(5 e). P. Flores et al., Multibody Syst. Dyn. 25 (2011) 357-375.
+    """Damping d = 8 (1 - e)/(5 e). P. Flores et al., Multibody Syst. Dyn. 25 (2011) 357-375.
 
     For e = 0.9, 0.7, 0.5 rigid bodies rebound with 0.89, 0.68, 0.47.
     """
@@ -330,7 +330,7 @@ STRAIN_ERRORS = 0.45, 0.3
 
 @dataclass(frozen=True, repr=False)
 class ElasticPlastic(Hysteretic):
-    """Elastic, perfectly plastic sphere and flat: Hertz's law up to first yield, and beyond it.
+    """Law of an elastic, perfectly plastic sphere on a flat: Hertz's up to yield, then fitted.
 
     Parameters
     ----------
@@ -416,7 +416,7 @@ class ElasticPlastic(Hysteretic):
 
 @dataclass(frozen=True, repr=False)
 class Thornton(Hysteretic):
-    """Elastic, perfectly plastic sphere. C. Thornton, J. Appl. Mech. 64 (1997) 383-386.
+    """Law of an elastic, perfectly plastic sphere. C. Thornton, J. Appl. Mech. 64 (1997) 383-386.
 
     For comparison only: against finite elements (benchmarks/elastoplastic) the force with a yield
     pressure of 1.6 Y is 19, 42, 57, 66, 72 % low at 3, 10, 30, 100, 300 yield indentations; with
@@ -454,7 +454,7 @@ class Thornton(Hysteretic):
 
 @dataclass(frozen=True, repr=False)
 class YangSun(Hysteretic):
-    """Indentation of laminates. S. H. Yang, C. T. Sun, ASTM STP 787 (1982) 425-449.
+    """Indentation law of laminates. S. H. Yang, C. T. Sun, ASTM STP 787 (1982) 425-449.
 
     F = stiffness delta^1.5 on loading and reloading, unloading with the power 2.5, with
     delta_p = delta_m [1 - (critical/delta_m)^(2/5)] beyond the critical indentation [m], else 0.
@@ -468,7 +468,7 @@ class YangSun(Hysteretic):
 
 
 class Tabulated(Hysteretic):
-    """Measured loading and unloading curves, interpolated monotonically (PCHIP).
+    """Law of measured loading and unloading curves, interpolated monotonically (PCHIP).
 
     Parameters
     ----------

@@ -69,7 +69,7 @@ RIGID_MATTER = Matter(inf)
 
 
 def crack_note(sides: Iterable[Matter]) -> str:
-    """Sentence: cracks of the brittle sides of a contact are not computed; "" if none is."""
+    """Sentence: cracks of brittle sides of a contact are not computed; "" if no side is brittle."""
     names = dict.fromkeys(m.name or "the brittle side" for m in sides if m.tensile is not None)
     if not names:
         return ""
@@ -127,7 +127,7 @@ def matter_of(
     nu: float | None = None,
     yield_strength: float | None = None,
 ) -> Matter | None:
-    """The properties of a material (name or object); given constants replace its own."""
+    """The properties of a material (name or object); constants other than None replace them."""
     if material is None:
         if E is None:
             return None
@@ -161,7 +161,7 @@ def matter_of(
 
 
 def density_of(material: object) -> float:
-    """Density [kg/m^3] of a material, given by name or as an object with `rho`."""
+    """Density [kg/m^3] of a material: a name, or an object with `rho`."""
     if isinstance(material, str):
         from antiosc.base import materials  # loaded where it is used
 
