@@ -327,7 +327,7 @@ class MeshAnswer:
 def answer_on_mesh(
     structure: Structure, site: Site, run: RunFunction, tol: float, n: int
 ) -> MeshAnswer:
-    """The answer on one mesh; the number of anti-oscillators is doubled until it is enough."""
+    """The `MeshAnswer` of a mesh; the number of anti-oscillators is doubled until it suffices."""
     accuracy = accuracy_of_steps(tol)
     limit = min(MAX_COUNT, structure.dofs - 1)
     n = min(n, limit)
@@ -351,7 +351,7 @@ def answer_on_mesh(
 def answer_with_n(
     structure: Structure, site: Site, run: RunFunction, accuracy: float, n: int
 ) -> MeshAnswer:
-    """The answer with `n` anti-oscillators, whatever their error; `accuracy`: of the time steps."""
+    """The `MeshAnswer` for `n` anti-oscillators, whatever the error; `accuracy`: of the steps."""
     structure.factorize()
     start_time = clock() - structure.seconds["factorization"]
     proof = not structure.matrices.dissipation()

@@ -153,7 +153,7 @@ class Tradeoff(Result):
     def best(self, tol: float | None = None, seconds: float | None = None) -> TradeoffMember:
         """The cheapest member whose bar is at most `tol`, or the most accurate within `seconds`.
 
-        Raises InputError unless one of the two is given, and if no member meets it.
+        InputError unless one of the two is set, or if no member meets it.
         """
         if (tol is None) == (seconds is None):
             raise InputError("best takes one of tol and seconds.")
@@ -196,7 +196,7 @@ class Tradeoff(Result):
 
     @property
     def message(self) -> str:
-        """The cheapest method within `tol`, or the smallest error bar if none is."""
+        """Text: the cheapest method within `tol`, or the smallest error bar if none is."""
         if self.status:
             smallest_bar = min(member.bar for member in self.table)
             sentence = f"The least bar is {100 * smallest_bar:.3g} %, tol {100 * self.tol:.3g} %."
@@ -221,7 +221,7 @@ class Tradeoff(Result):
         return {**tables, **super().numbers()}
 
     def summary(self) -> str:
-        """The table as text, with the other methods and the notes below."""
+        """The table as text, followed by the other methods and the notes."""
         rows = [tuple(TABLE_COLUMNS), *(member.cells() for member in (*self.table, *self.others))]
         return "\n".join([*map(line_of, rows), *self.notes])
 

@@ -132,7 +132,7 @@ def run_unreduced(
 
 
 def run_newmark(blow: UnreducedImpact) -> MethodOutcome:
-    """Newmark's average acceleration for all dofs, with an implicit contact force."""
+    """The outcome of Newmark's average acceleration for all dofs, with an implicit force."""
     structure = blow.structure
     start_time = clock() - structure.seconds["assembly"]
     process.require_memory(
