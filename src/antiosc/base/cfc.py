@@ -26,7 +26,7 @@ MEMORY_PERIODS = 2.0
 
 
 def filter_memory(name: str) -> float:
-    """Time [s] before and after an instant on which the filtered value there depends."""
+    """Time [s] before and after an instant in which the signal affects the filtered value."""
     checks.choice("filter", name, tuple(CLASS_FREQUENCIES))
     return MEMORY_PERIODS / CLASS_FREQUENCIES[name]
 

@@ -247,7 +247,7 @@ def coordinates(name: str, value: object, unit: str = "m") -> tuple[float, ...]:
 
 
 def scaled_symmetric(matrix: Array, scale: Array) -> tuple[Array, float]:
-    """(symmetric part, largest asymmetry) of a matrix over scales (n,) of its rows and columns."""
+    """(symmetric part, largest asymmetry) of a matrix with rows and columns divided by `scale`."""
     scale = np.where(scale > 0, scale, 1.0)
     unit = matrix / scale[:, None] / scale
     return (unit + unit.T) / 2, float(np.abs(unit - unit.T).max(initial=0.0))
@@ -319,7 +319,7 @@ def what_and_path(what: Any, path: Any) -> tuple[Any, Any]:
 
 
 def new_file(name: str, value: object) -> Path:
-    """`value` as the path of a file to be written, or InputError: "." and "/" name folders."""
+    """`value` as the path of a file to be written; else, as for "." and "/", InputError."""
     target = path(name, value)
     if target.name in ("", ".."):
         raise InputError(

@@ -75,7 +75,7 @@ class NotTakenWarning(AntioscWarning):
 
 
 class ChoiceWarning(AntioscWarning):
-    """A choice made because nothing was given; it is shown as a note, not as a caution."""
+    """A choice that the user left to the program; it is shown as a note, not as a caution."""
 
 
 class Message(str):

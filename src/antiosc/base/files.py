@@ -75,7 +75,7 @@ def write_text(path: str | os.PathLike[str], text: str, what: str = "the text") 
 
 
 def table_text(text: str) -> str:
-    """`text` for a CSV cell; after a quote if a spreadsheet would take it for a formula."""
+    """`text` for a CSV cell, preceded by a quote if a spreadsheet would read it as a formula."""
     if text.lstrip()[:1] in FORMULA_STARTS:
         return f"'{text}"
     return text

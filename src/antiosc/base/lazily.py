@@ -45,7 +45,7 @@ def names_in_stub(module: str) -> dict[str, str]:
 
 
 def load(module: str, name: str) -> Any:
-    """A name of a module, or the module of that name in a package."""
+    """The object `name` of a module, or the submodule `name` of a package."""
     with finite_element_packages() if module.startswith(MESHED) else nullcontext():
         loaded = import_module(module)
         if hasattr(loaded, name):

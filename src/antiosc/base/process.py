@@ -156,7 +156,7 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def blas_threads(front_operations: Array) -> Iterator[int | None]:
-    """Context with as many BLAS threads as `front_operations` are worth; yields their number."""
+    """Context with the useful number of BLAS threads for `front_operations`; yields this number."""
     blas = None if user_threads() else _blas()
     if blas is None:
         yield None

@@ -86,7 +86,7 @@ def tensors(name: str, value: object) -> Array:
 
 
 def components(name: str, value: object) -> Array:
-    """The components 11, 22, 33, 23, 13, 12 (..., 6) of symmetric tensors or of such components."""
+    """The components 11, 22, 33, 23, 13, 12 (..., 6), from symmetric tensors or components."""
     s = tensors(name, value)
     return np.stack([s[..., i, j] for i, j in COMPONENT_AXES], axis=-1)
 
