@@ -101,7 +101,7 @@ class Power(Compiled):
 
 @dataclass(frozen=True, repr=False)
 class Linear(Compiled):
-    """Contact law F = stiffness * delta >= 0, an elastic stop. `stiffness` in N/m."""
+    """Contact law F = stiffness * delta >= 0: a spring that only pushes. `stiffness` in N/m."""
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m"))
 

@@ -263,7 +263,7 @@ class BodyHistory(ReprMixin):
     stretched: Stretch | None = None
 
     def displacement(self, site: str = "", direction: ArrayLike | None = None) -> Array:
-        """Displacement (n,) [m] of a site along `direction`; default: as the contact pushes it.
+        """Displacement (n,) [m] of a site along `direction`; default: that of contact forces.
 
         For a supported body it counts from its equilibrium under gravity, without the static
         deflection under its own weight.
