@@ -14,7 +14,7 @@ from antiosc.base import lazily
 __version__ = "0.1.0"
 
 _MODULES = lazily.names_in_stub(__file__)
-#: Modules with names that `dir` leaves out here, but for these common ones.
+#: Modules whose names `dir(antiosc)` leaves out, except the names in `_COMMON`.
 _NAMESPACES = ("errors", "joints", "laws", "results")
 _COMMON = {"Bolt", "ElasticPlastic", "Hertz", "Linear", "Tie"}
 _GROUPED = set().union(*(lazily.names_in_stub(f"{__path__[0]}/{name}.py") for name in _NAMESPACES))

@@ -1,11 +1,11 @@
 """Names that other packages use besides the public names: readers, studies, reports.
 
-Packages may use all names of the `MODULES`, by their paths: rooms that need only NumPy and SciPy,
-below the impacts, and a few others. Of the modules in `NAMES` they may use the listed names. Both
+Packages may use all names of the `MODULES`, by their paths: modules that need only NumPy and SciPy
+and no impacts, and a few others. Of the modules in `NAMES` they may use the listed names. Both
 lists may change from version to version; the public names of `antiosc` do not.
 """
 
-#: Path -> what it is for.
+#: Path of a module or package -> its content.
 MODULES = {
     "antiosc.base": "errors, checks of arguments, files, texts, progress",
     "antiosc.engine": "the C library and its runs, contact laws and surfaces, damping",
@@ -25,7 +25,7 @@ MODULES = {
     "antiosc_studies.drops": "falls: bodies, places at any time, pictures",
 }
 
-#: Path -> names of it, with a space between them.
+#: Path of a module -> names in it that packages may use, separated by spaces.
 NAMES = {
     "antiosc.fem": "missing",
     "antiosc.fem.elements.shell": "GivenSheet",

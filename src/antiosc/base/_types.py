@@ -22,7 +22,7 @@ ComplexArray = NDArray[np.complex128]
 BoolArray = NDArray[np.bool_]
 #: integers of any width
 IntArray = NDArray[np.integer[Any]]
-#: length, width and thickness of a part, m, in falling order
+#: length, width and thickness of a part, m, in descending order
 Box = tuple[float, float, float]
 #: the integers that NumPy's searches and sorts return
 Index = NDArray[np.intp]
@@ -30,5 +30,5 @@ Index = NDArray[np.intp]
 Matrix: TypeAlias = Any
 #: real or complex numbers
 Numbers: TypeAlias = NDArray[np.float64] | NDArray[np.complex128]
-#: of a solver: "auto" is direct if the factor fits in memory
+#: choice of a solver; "auto" is direct if the factor fits in memory
 SolverChoice: TypeAlias = Literal["auto", "direct", "iterative"]

@@ -67,7 +67,7 @@ def read_arrays(path: Path, max_bytes: int, what: str, dtype_kinds: str = "fiuU"
 def _read_array(
     archive: zipfile.ZipFile, member: zipfile.ZipInfo, dtype_kinds: str
 ) -> NDArray[Any]:
-    """One array; ValueError if its header and size disagree."""
+    """One array; ValueError if its dtype is not allowed, or header and size disagree."""
     with archive.open(member) as stream:
         content = io.BytesIO(stream.read(member.file_size))  # no more, whatever is compressed
     array = np.asarray(npy.read_array(content, allow_pickle=False))

@@ -12,7 +12,7 @@ from antiosc.base.errors import InputError
 
 #: Name of a channel frequency class -> its frequency [Hz].
 CLASS_FREQUENCIES = {"CFC60": 60.0, "CFC180": 180.0, "CFC600": 600.0, "CFC1000": 1000.0}
-#: Filter of the largest acceleration that results of a fall state.
+#: Filter class used for the largest acceleration in results of a fall.
 SHOCK_FILTER = "CFC1000"
 #: Corner frequency of one pass of a filter over its class (SAE J211-1).
 CORNER_RATIO = 2.0775
@@ -26,7 +26,7 @@ MEMORY_PERIODS = 2.0
 
 
 def filter_memory(name: str) -> float:
-    """Time [s] before and after an instant on which the filtered value there depends."""
+    """Time [s] before and after an instant in which the signal affects the filtered value."""
     checks.choice("filter", name, tuple(CLASS_FREQUENCIES))
     return MEMORY_PERIODS / CLASS_FREQUENCIES[name]
 

@@ -30,7 +30,7 @@ ROUNDING = 1e-12
 P = ParamSpec("P")
 T = TypeVar("T")
 S = TypeVar("S", bound=np.generic)
-#: of the values that a check lets pass
+#: type of the values that a check returns unchanged
 C = TypeVar("C")
 
 #: A quantity in SI units is 0 or lies between these in magnitude. Products and powers of a few such
@@ -57,7 +57,7 @@ class _Required:
 
 REQUIRED: Any = _Required()
 
-#: strings, comments of TOML, and whatever else is no bracket
+#: strings, TOML comments and all other text that contains no bracket
 _NO_BRACKETS = r""""(?:[^"\\\n]|\\.)*"|'[^'\n]*'|\#[^\n]*|[^][{}"'#]+|["'#]"""
 
 _repr = reprlib.Repr()
@@ -247,7 +247,7 @@ def coordinates(name: str, value: object, unit: str = "m") -> tuple[float, ...]:
 
 
 def scaled_symmetric(matrix: Array, scale: Array) -> tuple[Array, float]:
-    """(symmetric part, largest asymmetry) of a matrix over scales (n,) of its rows and columns."""
+    """(symmetric part, largest asymmetry) of a matrix with rows and columns divided by `scale`."""
     scale = np.where(scale > 0, scale, 1.0)
     unit = matrix / scale[:, None] / scale
     return (unit + unit.T) / 2, float(np.abs(unit - unit.T).max(initial=0.0))
@@ -319,7 +319,7 @@ def what_and_path(what: Any, path: Any) -> tuple[Any, Any]:
 
 
 def new_file(name: str, value: object) -> Path:
-    """`value` as the path of a file to be written, or InputError: "." and "/" name folders."""
+    """`value` as the path of a file to be written; else, as for "." and "/", InputError."""
     target = path(name, value)
     if target.name in ("", ".."):
         raise InputError(

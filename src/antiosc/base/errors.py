@@ -75,11 +75,11 @@ class NotTakenWarning(AntioscWarning):
 
 
 class ChoiceWarning(AntioscWarning):
-    """A choice made because nothing was given; it is shown as a note, not as a caution."""
+    """A choice that the user left to the program; it is shown as a note, not as a caution."""
 
 
 class Message(str):
-    """Text of a warning that was collected, with its category."""
+    """A collected warning: its text, with its category."""
 
     category: type[Warning]
 
@@ -90,13 +90,13 @@ class Message(str):
         return message
 
 
-#: Weights of warnings: those that question the numbers, those on the model, those on the file, and
-#: notes of what was chosen.
+#: Severities of warnings: on the accuracy of numbers, on the model, on the file, and notes of what
+#: was chosen.
 NUMBERS_WEIGHT, MODEL_WEIGHT, FILE_WEIGHT, NOTE_WEIGHT = range(4)
 
 
 def message_weight(message: str) -> int:
-    """The weight of a warning, one of `NUMBERS_WEIGHT` … `NOTE_WEIGHT`, by its category."""
+    """Severity of a warning by its category: `NUMBERS_WEIGHT` (most severe) to `NOTE_WEIGHT`."""
     category = getattr(message, "category", AntioscWarning)
     if issubclass(category, AccuracyWarning):
         return NUMBERS_WEIGHT
@@ -106,16 +106,16 @@ def message_weight(message: str) -> int:
 
 
 def labelled(message: str) -> str:
-    """The message for a terminal, after the word for its weight."""
+    """The message for a terminal, preceded by "note: " or "warning: "."""
     return f"{'note' if message_weight(message) == NOTE_WEIGHT else 'warning'}: {message}"
 
 
 def sorted_by_weight(messages: Iterable[str]) -> list[str]:
-    """Warnings in the order of their weight, each once."""
+    """The distinct warnings, the most severe first."""
     return sorted(dict.fromkeys(messages), key=message_weight)
 
 
-#: what takes antiosc's warnings of this thread; None: Python's own filters
+#: function that receives antiosc's warnings of this thread; None: Python's own filters
 _warning_receiver: ContextVar[Callable[[str], None] | None] = ContextVar(
     "antiosc_warnings", default=None
 )
@@ -154,7 +154,7 @@ def _frames_to_caller() -> int:
 
 @contextmanager
 def warnings_to(receiver: Callable[[str], None]) -> Iterator[None]:
-    """Context in which `receiver` gets this thread's antiosc warnings, not Python's filters."""
+    """Context in which this thread's antiosc warnings go to `receiver`, not to Python's filters."""
     token = _warning_receiver.set(receiver)
     try:
         yield
@@ -163,7 +163,7 @@ def warnings_to(receiver: Callable[[str], None]) -> Iterator[None]:
 
 
 def without_warnings() -> AbstractContextManager[None]:
-    """Context that drops antiosc's warnings of this thread, for work that has given them before."""
+    """Context that drops antiosc's warnings of this thread, for work that repeats earlier ones."""
     return warnings_to(lambda message: None)
 
 
@@ -182,7 +182,7 @@ def warnings_of_last() -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def finite_element_packages() -> Iterator[None]:
-    """Context for imports of these packages; MissingDependencyError names a missing one."""
+    """Context for imports of dolfinx etc.; MissingDependencyError names a missing package."""
     try:
         yield
     except MissingDependencyError:
@@ -201,9 +201,9 @@ def finite_element_packages() -> Iterator[None]:
         ) from error
 
 
-#: Most names that are all listed.
+#: Up to this number of names, all are listed.
 MAX_LISTED_NAMES = 12
-#: Of more, so many of the nearest.
+#: Number of the most similar names that are listed otherwise.
 NEAREST_NAME_COUNT = 5
 
 

@@ -75,14 +75,14 @@ def write_text(path: str | os.PathLike[str], text: str, what: str = "the text") 
 
 
 def table_text(text: str) -> str:
-    """A text for a cell of a CSV file that no spreadsheet takes for a formula."""
+    """`text` for a CSV cell, preceded by a quote if a spreadsheet would read it as a formula."""
     if text.lstrip()[:1] in FORMULA_STARTS:
         return f"'{text}"
     return text
 
 
 def cannot_write(what: str, path: str | os.PathLike[str], error: Exception) -> InputError:
-    """The error that names the file that the system refuses to write, and the reason."""
+    """The error for a file that the system refuses to write, with the reason."""
     reason = getattr(error, "strerror", None) or str(error)
     return InputError(f"cannot write {what} to {os.fspath(path)!r}: {reason.rstrip('.')}.")
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from antiosc.base.errors import finite_element_packages
 
-#: Imports of a stub, from a module as (several or) one of "name as name" or "*".
+#: Import statement of a stub: the module, and "name as name" (one or several) or "*".
 _IMPORT = r"(?m)^from (\S+) import (\([^)]*\)|.*)$"
 _NAME = r"(\w+) as \w+"
 #: Modules that need the finite-element packages, or whose functions do.
@@ -29,7 +29,7 @@ MESHED = (
 
 @cache
 def names_in_stub(module: str) -> dict[str, str]:
-    """Module that defines each name, read from a module's file or its stub (.pyi)."""
+    """name -> module that defines it, read from a module's file or its stub (.pyi)."""
     stub = Path(module).with_suffix(".pyi")
     stub = stub if stub.exists() else stub.with_suffix(".py")
     names: dict[str, str] = {}
@@ -45,7 +45,7 @@ def names_in_stub(module: str) -> dict[str, str]:
 
 
 def load(module: str, name: str) -> Any:
-    """A name of a module, or the module of that name in a package."""
+    """The object `name` of a module, or the submodule `name` of a package."""
     with finite_element_packages() if module.startswith(MESHED) else nullcontext():
         loaded = import_module(module)
         if hasattr(loaded, name):

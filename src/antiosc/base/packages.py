@@ -27,13 +27,13 @@ from antiosc.base.errors import MissingDependencyError
 
 #: Loggers whose levels the packages change.
 LOGGERS = ("UFL", "ffcx", "FFCx")
-#: Variables that setuptools and threadpoolctl set; the package that puts its own folders on the
-#: module path.
+#: Environment variables that packages may set; package that puts its own folders on the module
+#: path.
 ENVIRONMENT = ("HOME", "KMP_DUPLICATE_LIB_OK", "PLAT")
 VENDOR = "setuptools"
 #: Folders that `VENDOR` put on the module path: it may import from them again later.
 _appended: list[str] = []
-#: Held while something is imported or compiled, for all of this belongs to the process.
+#: Held during imports and compilation, which change the state of the whole process.
 _lock = threading.RLock()
 
 

@@ -112,7 +112,7 @@ def size_doubt(extent: float, unit_stated: bool = False, is_frame: bool = False)
 
 
 def refuse_size(size: float, points: ArrayLike, name: str) -> None:
-    """MeshError for cells of a size [m] larger than the longest side of the box of points."""
+    """MeshError if a cell size [m] exceeds the longest side of the bounding box of points."""
     longest = float(np.ptp(points, axis=0).max())
     if size > longest * (1 + RELATIVE_ROUNDING):
         raise MeshError(

@@ -28,14 +28,14 @@ from antiosc.base.errors import OutOfMemoryError
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
-#: Variables by which users choose a number of threads.
+#: Environment variables by which users set the number of threads.
 THREAD_VARIABLES = (
     *("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "GOTO_NUM_THREADS"),
     "OMP_NUM_THREADS",
 )
 #: Operations of a front for each thread: with fewer, threads spend their time on waiting.
 WORK_PER_THREAD = 5e8
-#: Twice as many threads pay where they leave at most this share of the time.
+#: The number of threads is doubled if this reduces the time to less than this share.
 WORTHWHILE_RATIO = 0.8
 
 
@@ -82,7 +82,7 @@ def useful_threads(front_operations: Array, most_threads: int) -> int:
     return threads
 
 
-#: what threadpoolctl tells of a library
+#: data of threadpoolctl on a BLAS library
 BlasPool: TypeAlias = dict[str, Any]
 
 
@@ -156,7 +156,7 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def blas_threads(front_operations: Array) -> Iterator[int | None]:
-    """Context with as many BLAS threads as `front_operations` are worth; yields their number."""
+    """Context with the useful number of BLAS threads for `front_operations`; yields this number."""
     blas = None if user_threads() else _blas()
     if blas is None:
         yield None

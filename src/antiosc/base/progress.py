@@ -19,12 +19,12 @@ from typing import TextIO
 #: Carriage return, and the sequence that clears the line.
 CLEAR_LINE = "\r\x1b[2K"
 
-#: How much of a work is done, in its text.
+#: Pattern of the progress count in a text.
 COUNT_PATTERN = re.compile(r"\b\d+ of \d+\b")
 #: Seconds between two changes of a count.
 REFRESH_INTERVAL = 0.1
 
-#: Variables in which mpirun tells a process its rank: of Open MPI, and of MPICH and its kin.
+#: Environment variables with the MPI rank, set by the launchers of Open MPI, MPICH and others.
 RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
 
 

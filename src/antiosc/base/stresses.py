@@ -86,7 +86,7 @@ def tensors(name: str, value: object) -> Array:
 
 
 def components(name: str, value: object) -> Array:
-    """The components 11, 22, 33, 23, 13, 12 (..., 6) of symmetric tensors or of such components."""
+    """The components 11, 22, 33, 23, 13, 12 (..., 6), from symmetric tensors or components."""
     s = tensors(name, value)
     return np.stack([s[..., i, j] for i, j in COMPONENT_AXES], axis=-1)
 
@@ -105,8 +105,8 @@ def vector_length(vectors: Array) -> Array:
     return np.asarray(np.sqrt(np.einsum("...c,...c->...", vectors, vectors)))
 
 
-#: Five parts of a stress (components 11, 22, 33, 23, 13, 12), the sum of whose squares is that of
-#: von Mises's stress.
+#: Matrix (5, 6) from stress components 11, 22, 33, 23, 13, 12 to five numbers, the sum of whose
+#: squares is the squared von Mises stress.
 VON_MISES_ROOT = np.zeros((5, 6))
 VON_MISES_ROOT[0, :3] = np.sqrt(0.75) * np.array([1.0, -1.0, 0.0])
 VON_MISES_ROOT[1, :3] = 0.5 * np.array([1.0, 1.0, -2.0])

@@ -19,7 +19,7 @@ from antiosc.base.errors import AntioscError
 #: Share of the last digit by which a number may exceed one that is rounded up, or fall short of
 #: one that is rounded down.
 DIGIT_ROUNDING = 1e-6
-#: Most lines of numbers of an object.
+#: Largest number of value lines in the `repr` of an object.
 MAX_LINES = 4
 
 

@@ -100,7 +100,7 @@ class DampingMatrix(ReprMixin):
 
 
 def from_factors(factor: Array, branches: Sequence[tuple[Array, float]] = ()) -> DampingMatrix:
-    """Damping C = factor' factor, factor (r, n), and Maxwell branches; semidefinite."""
+    """Damping with C = L'L, `factor` L (r, n), and Maxwell branches (factor of G, tau)."""
     damping = object.__new__(DampingMatrix)
     _store_factors(damping, factor, branches)
     return damping

@@ -19,7 +19,7 @@ from antiosc.base.errors import InputError
 from antiosc.engine.contact import ContactLaw, State
 from antiosc.engine.system import ContactState, System
 
-#: Steps of the search for rest: the scenes of the quick tests need 10 at most.
+#: Largest number of steps of the search for equilibrium; quick tests need 10 at most.
 _MOST_ITERATIONS = 400
 
 
@@ -146,7 +146,7 @@ def continue_contacts(
 
 
 def _states(laws: Sequence[ContactLaw], contacts: Sequence[ContactState | None]) -> list[State]:
-    """State of each law at the start: from its contact, or of a touch without speed."""
+    """State of each law at the start: that of its contact, or of a touch at zero speed."""
     return [
         law.touch(0.0) if contact is None else contact.state
         for law, contact in zip(laws, contacts, strict=True)

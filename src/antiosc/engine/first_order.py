@@ -32,18 +32,18 @@ from antiosc.base._types import Array, BoolArray, ComplexArray, Numbers
 from antiosc.base.errors import AccuracyError
 from antiosc.engine.damping import DampingMatrix, from_factors, in_coordinates
 
-#: Shares of the largest damping of a mode below which a mode, or a rigid-body motion, has none.
+#: Shares of the largest modal damping below which a mode, or a rigid-body motion, is undamped.
 UNDAMPED_SHARE, UNDAMPED_RIGID_SHARE = 1e-24, 1e-12
 #: Poles closer than this, relatively, are one repeated pole.
 REPEATED_DISTANCE = 1e-10
 #: Distance of neighbouring real poles, relatively, below which they are of one cluster.
 CLUSTER_DISTANCE = 0.05
-#: Share of the largest singular value of a branch's factor below which it has no spring.
+#: Relative singular value of a branch's factor below which the direction has no spring.
 SPRINGLESS_SHARE = 1e-9
 #: Relative error of the receptance of first-order modes up to which they are used as they are, and
 #: the largest one that is accepted if no other way has a smaller one.
 EXACT_ERROR, MAX_ERROR = 1e-7, 1e-4
-#: Relative change of a damping whose poles fall together.
+#: Relative change of a damping that has a double pole.
 DAMPING_CHANGE = 1e-7
 
 
@@ -64,7 +64,7 @@ class FirstOrder:
     spring_shapes: Sequence[Array]
 
     def receptance(self, b: Array, omega: Numbers) -> ComplexArray:
-        """b'(dynamic stiffness)^-1 b at circular frequencies (...), b (J, P): (..., P, P)."""
+        """b'(dynamic stiffness)^-1 b, (..., P, P), for b (J, P) at `omega` (...) [rad/s]."""
         s = 1j * omega[..., None]
         size = self.omega.size
         b_at_q = self.at_q[:, :size].T @ b
@@ -388,11 +388,11 @@ def _equal_poles(poles: Numbers) -> list[list[int]]:
 def _paired_poles(
     plus: list[tuple[float, Array]], minus: list[tuple[float, Array]], fastest: float
 ) -> list[tuple[float, float, Array, Array]]:
-    """Real modes (w, d, c_a, c_b) of pairs of real poles, given as (pole, eigenvector).
+    """Real modes (w, d, c_a, c_b) of pairs of real poles, each pole as (pole, eigenvector).
 
     A pole of negative square (`minus`) is paired with the nearest slower pole of positive square
-    (`plus`); a pole without a partner, with a pole of zero share. fastest : rate [1/s] of this pole
-    for a rigid motion.
+    (`plus`); a pole without a partner, with a pole of zero share. fastest : rate [1/s] of a pole
+    of zero share that is paired with a pole at 0.
     """
     pairs: list[tuple[float, float, Array, Array]] = []
     unpaired = sorted(plus, key=lambda pole: pole[0])  # the fastest first

@@ -23,7 +23,7 @@ _FIRST_NODES = 1024  # nodes of the first buffer; a full one becomes four times 
 TOUCH_RESOLUTION = 200  # touches closer than the expected contact time over this count as one
 # numbers that the march may read and write between two looks for an interrupt: some 0.1 s
 _NODES_AT_ONCE = 100_000_000
-#: Bytes of states that a run keeps; a longer one keeps those of every 2nd, 4th ... step.
+#: Most bytes of states in a run; a longer run keeps the states of every 2nd, 4th … step.
 MOST_STATE_BYTES = 1 << 27
 SHORTER_REMEDY = "shorten the duration, or use fewer contacts or anti-oscillators"
 
@@ -45,7 +45,7 @@ class Run:
     every: int = 1
 
     def contact_states(self, system: System, t: float) -> list[ContactState | None]:
-        """States (p) of the contacts at t [s], from which a run can continue; None: no touch."""
+        """States (p) of the contacts at t [s], to continue a run; None before the first touch."""
         last = int(np.searchsorted(self.time, t * (1 + 1e-12), side="right")) - 1
         states = list(system.contact_states or [None] * len(system.laws))
         for c, law in enumerate(system.laws):
@@ -70,7 +70,7 @@ class Run:
         return states
 
     def _advanced(self, law: ContactLaw, state: State, c: int, first: int, last: int) -> State:
-        """The law state of contact c, which stays closed, after the steps between two nodes."""
+        """Law state of contact c, which stays closed, after the steps between two time nodes."""
         if is_compiled(law):  # of the deepest indentation alone
             return law.advance(float(self.depth[first : last + 1, c].max()), 0.0, state)
         for n in range(first + first % 2, last - 1, 2):
@@ -151,7 +151,7 @@ class Buffers:
 
 
 class Workspace:
-    """A stepper of the C library, its runs, and its memory with stored step responses."""
+    """Memory of the C library for runs: stepper, stored step responses, and recorded runs."""
 
     def __init__(self, packed: PackedSystem) -> None:
         system = packed.system

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: A contact as the march takes it, `aom_contact`.
+#: Data type of the C structure of a contact, `aom_contact`.
 CONTACT_RECORD = cast("np.dtype[np.void]", np.dtype(library.CContact))
-#: ctypes keeps this type as long as it is referred to; to make it anew takes 50 µs.
+#: Stored, because ctypes needs 50 µs to make this type again.
 _ONE_CONTACT = library.CContact * 1
 _START_TIME = np.zeros(1)  # the one time of loads that are constant
 LEAST_SPEED_SHARE = (
@@ -70,12 +70,12 @@ class System:
     decay: Array
     beta: Array  # (m, J), the p contacts first, then the tangential rows of their friction
     R: Array  # (m, m) residual compliance
-    #: breaks, loads, offsets: (K,), (K, J), (K, m)
+    #: breaks, loads, offsets: (K,) times, (K, J) modal loads, (K, m) gaps
     breaks: Array
     loads: Array
     offsets: Array
     laws: Sequence[ContactLaw]  # p contact laws
-    #: (p,) numbers of the contacts (`CONTACT_RECORD`); the law is set when the march takes them
+    #: (p,) data of the contacts (`CONTACT_RECORD`), without their laws
     contacts: NDArray[np.void]
     #: q, v: (J,) initial state
     q: Array
@@ -144,7 +144,7 @@ class System:
 
     @cached_property
     def marched(self) -> System:
-        """The system in the I integrated modes, which are first-order modes if damping couples."""
+        """The system in the I integrated modes: first-order modes if damping couples the modes."""
         first = self.first
         if first is None:
             return self
@@ -214,7 +214,7 @@ class BodyModes(NamedTuple):
 
 
 def consecutive_slices(sizes: Iterable[int]) -> list[slice]:
-    """Slices of parts of these sizes that follow one another."""
+    """Consecutive slices of these sizes, the first from 0."""
     return list(starmap(slice, pairwise(accumulate(sizes, initial=0))))
 
 
@@ -254,7 +254,7 @@ Key = tuple[int, int, int, bytes]
 
 
 class PackedSystem:
-    """A system for the C library; systems with equal `key` have the same counts and responses."""
+    """A system for the C library; equal `key`: the same numbers of modes and modal responses."""
 
     def __init__(self, system: System) -> None:
         s = system

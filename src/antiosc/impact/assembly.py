@@ -49,7 +49,7 @@ MIN_COMPLIANCE_SHARE = 0.1  # fraction of a tangential compliance left to the sl
 
 
 def expect_contacts(scene: SceneParts, system: System, local: Array, duration: float) -> float:
-    """Set the expected values of each contact; returns the shortest expected contact time [s]."""
+    """Set expected depth, speed and mass of each contact; returns the shortest contact time [s]."""
     p = len(system.laws)
     gaps = system.offsets[0, :p]
     modal = system.v if system.v.any() else system.omega * system.q  # of what is let go
@@ -96,7 +96,7 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
 def _tangential_stiffness(
     contact: Contact, law: ContactLaw, blow: tuple[float, float, float, float], local: float
 ) -> float:
-    """Tangential stiffness [N/m] of a contact without its patches of the compliance `local`.
+    """Tangential stiffness [N/m] of a contact without its patches' compliance `local` [m/N].
 
     The default is a share of the mean normal stiffness (the larger one of loading and unloading)
     over a half-sine contact. By Cerruti's solution, the tangential compliance of a patch is
@@ -123,7 +123,7 @@ def _tangential_stiffness(
 
 
 def effective_mass(beta: Array, omega: Array) -> float:
-    """Estimated mass [kg] behind a contact, from rigid-body modes and static deflection."""
+    """Estimated effective mass [kg] at a contact, from rigid-body modes and static deflection."""
     rigid = omega == 0
     b = beta[rigid]
     mobility = float(b @ b)
@@ -137,7 +137,7 @@ def effective_mass(beta: Array, omega: Array) -> float:
 
 
 def _largest_component(beta: Array, modal: Array) -> Array:
-    """Largest |modal · beta| (p,) over rows (K, J); if its terms cancel, a tenth of Σ |terms|."""
+    """Largest |beta · modal| (p,) of K rows `modal`; if terms cancel, a tenth of Σ |terms|."""
     direct = abs(modal @ beta.T)
     parts = abs(modal) @ abs(beta).T
 
@@ -152,7 +152,7 @@ def _largest_component(beta: Array, modal: Array) -> Array:
 
 
 def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
-    """(law minus the patches' half-space compliance `local` [m/N], notes on the ends a, b)."""
+    """(law minus half-space compliance `local` [m/N] of the patches, notes naming sites a, b)."""
     if local == 0.0 or law.compliance > 0.0:
         return law, []
 
@@ -171,7 +171,7 @@ def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[Contac
 
 @dataclass(eq=False)
 class Assembly:
-    """A scene in one set of modal coordinates."""
+    """A scene as one system in modal coordinates, ready for time integration."""
 
     #: scene, bodies: bodies and contacts as given by the user; the placed bodies by name
     scene: SceneParts

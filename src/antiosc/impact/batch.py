@@ -1,4 +1,4 @@
-"""Many impacts at once, and objects with many values.
+"""Many impacts in one call, and lists of objects with different values.
 
 `simulate_many` integrates every scene as `simulate` does.
 """
@@ -86,7 +86,7 @@ def common_length(lengths: dict[str, int]) -> int:
 BYTES_PER_SCENE = 3.2e3
 #: Scenes that are solved at once.
 SCENES_PER_CHUNK = 4096
-#: What a batch leaves out that `simulate` warns of.
+#: Sentence on the warnings of `simulate` that a batch does not give.
 UNCHECKED_NOTE = (
     "truncation, cells, large deflections and rotations are not checked: simulate the worst impact"
     " alone"
@@ -113,7 +113,7 @@ def simulate_many(
     """`simulate` for many scenes.
 
     The warnings of `simulate` on truncation, cells, large deflections and rotations are left out;
-    for them, simulate the impact with the largest force alone.
+    to get them, simulate the impact with the largest force alone.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ class _SceneResult:
 
     @property
     def needed_radius(self) -> float:
-        """Radius [m] of the patch that the force needs if it exceeds the law's range; else 0."""
+        """Patch radius [m] that the force requires if it exceeds the law's range; else 0."""
         return getattr(self.failure, "radius", None) or 0.0
 
 

@@ -82,7 +82,7 @@ class RigidMass(Checked, Body):
         checks.store(self, material=matter, **_surface_constants(matter))
 
     def surface(self, site: str = "") -> Surface | None:
-        """Its spherical tip; None if the radius or the material is unknown."""
+        """The surface of its spherical tip; None if radius or material is unknown."""
         if self.tip_radius is None or not isinstance(self.material, Matter):
             return None
         return ball(self.material, self.tip_radius)
@@ -207,7 +207,7 @@ _NO_MODES = ModalBody(np.zeros(0), np.zeros(0), weight=np.zeros(0))
 
 @dataclass(frozen=True, repr=False)
 class Obstacle(FieldsRepr, Body):
-    """A fixed rigid obstacle, `gap` [m] away from the structure; the structure moves."""
+    """A fixed rigid obstacle, `gap` [m] away from a structure that moves toward it."""
 
     gap: float = 0.0
     velocity: float = 0.0
@@ -223,7 +223,7 @@ class Obstacle(FieldsRepr, Body):
         checks.store(self, gap=checks.nonnegative("gap", self.gap, "m"), velocity=velocity)
 
     def surface(self, site: str = "") -> Surface | None:
-        """A rigid plane."""
+        """The surface of the obstacle, a rigid plane."""
         return Surface(RIGID_MATTER)
 
     def modal(self) -> ModalBody:
@@ -236,7 +236,7 @@ class Impactor(FieldsRepr, Body):
 
     Its contact point is the site of its model; the contact force acts in the direction of the site.
     `velocity` is a number [m/s], > 0 toward the structure, or a `Motion` in the axes of the
-    impactor's mesh, as `initial_velocity` of `simulate`. It must be 0 for a supported body.
+    impactor's mesh, as `initial_velocity` of `simulate`. A supported body must have velocity 0.
     """
 
     body: LinearBody
@@ -278,7 +278,7 @@ ICE_DENSITY = 917.0
 
 @dataclass(frozen=True, repr=False)
 class NamedImpactor(FieldsRepr):
-    """A named impactor with the source of its numbers; None for a number not in the source."""
+    """A named impactor with the source of its numbers; numbers not in the source are None."""
 
     name: str  #: its name in `named_impactor`
     source: str  #: the document that gives the numbers
@@ -441,9 +441,9 @@ def named_impactor(
     )
 
 
-#: cosine of the angle beyond which two directions are not taken as one
+#: two directions count as parallel if the cosine of their angle is at least this
 PARALLEL_COSINE = 0.999
-#: the largest principal moment over the sum of the others, in figures that are rounded
+#: largest permitted ratio of a principal moment to the sum of the others; above 1 for rounding
 MAX_MOMENT_RATIO = 1.01
 #: share of a body's momentum in its elastic modes from which supports hold it
 SUPPORTED_MOMENTUM_SHARE = 1e-6
@@ -460,7 +460,7 @@ class RigidBody(FieldsRepr):
     inertia : array_like, shape (3,) or (3, 3)
         Principal moments about the axes, or the inertia tensor, about the centre [kg m^2].
     sites : mapping
-        Name -> (point, direction): place (3,) [m], and direction (3,) in which the contact pushes
+        Name -> (point, direction): point (3,) [m], and direction (3,) in which the contact pushes
         the body there.
     centre : array_like, shape (3,)
         Centre of mass [m].
@@ -525,16 +525,15 @@ class SceneBody:
     start_velocities: Array  # (J,) modal velocities
     initial_displacements: Array | None = None  # (J,) modal displacements; None: none
     gap: float = 0.0  # distance [m] of an `Obstacle` from the structure at the start
-    #: half-space compliances [m/N] of the patches by site, which its modes contain
+    #: site -> half-space compliance [m/N] of its patch, which the modes contain
     local_compliance: Mapping[str, float] = field(default_factory=dict)
     patch_radius: float | None = None  # radius [m] of the patch of its one site, if it has one
     #: direction (3,) in which the contact pushes each site, if known
     push_directions: dict[str, Array] = field(default_factory=dict)
-    #: for a body without `directions`: direction (3,) of each site's coordinate, which its contacts
-    #: define
+    #: for a body without directions in space: direction (3,) of each site, from its contacts
     site_axes: dict[str, Array] = field(default_factory=dict)
-    #: states (2, I) of first-order modes at the start; None: those of the displacements and
-    #: velocities with relaxed branches
+    #: initial states (2, I) of the first-order modes; None: they follow from the initial
+    #: displacements and velocities, with relaxed Maxwell branches
     first_order_start: Array | None = None
 
     def __post_init__(self) -> None:
@@ -662,7 +661,7 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
 
 
 def _scene_body_of_modal(name: str, body: object) -> SceneBody:
-    """A body with a modal form as a body of a scene."""
+    """The `SceneBody` of a body that has a modal form."""
     linear_body = checked_body(f"body {name!r}", body)
     modes = linear_body.modal()
     velocity = linear_body.velocity
@@ -676,7 +675,7 @@ def _scene_body_of_modal(name: str, body: object) -> SceneBody:
 def single_site_body(
     name: str, body: object, linear_body: Body, modes: ModalBody, start_velocities: Array
 ) -> SceneBody:
-    """A body with one contact point, with modal initial velocities (J,)."""
+    """The `SceneBody` of a body with one contact point and modal initial velocities (J,)."""
     local = {"": linear_body.local_compliance}
     return SceneBody(
         name,
@@ -690,7 +689,7 @@ def single_site_body(
 
 
 def _scene_body_of_rigid(name: str, body: RigidBody) -> SceneBody:
-    """A rigid body as a body of a scene."""
+    """The `SceneBody` of a `RigidBody`."""
     moments, axes = np.linalg.eigh(body.inertia)
     columns: list[Array] = []
     sites: dict[str, tuple[int, ...]] = {}

@@ -36,17 +36,17 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import Damping
 from antiosc.models.recurrence import ReferenceModes
 
-#: Shares of the largest force: width of bounds from which the model predicts nothing, and rounding.
+#: Shares of the largest force: width of the bounds that ends the horizon; rounding.
 UNPREDICTED_WIDTH, FORCE_ROUNDING = 0.2, 1e-8
-#: Pieces of time in a contact, at least.
+#: Least number of time intervals in a contact.
 MIN_TIME_PIECES = 100
 #: x of the bounds on differences of indentations, over the inverse square of the run's time.
 RATE_RATIOS = 2.0 ** np.arange(-6, 25)
-#: Error of k0 and of the mass that tells a recurrence of another structure, and share of a modal
-#: amplitude that is rounding.
+#: Relative error of k0 and mass above which a recurrence belongs to another structure; relative
+#: rounding of a modal amplitude.
 RECURRENCE_TOL, AMPLITUDE_ROUNDING = 1e-6, 1e-9
 NO_DAMPING = Damping()
-#: Largest elastic share whose loading curve has a curvature that falls.
+#: Largest elastic share for which the curvature of the loading curve decreases.
 MAX_ELASTIC_SHARE = 0.6
 PROVED_LAWS = (library.LINEAR, library.HERTZ, library.POWER, library.ELASTIC_PLASTIC)
 #: Laws that are Hertz's until they yield: stiffness and yield indentation come first.
@@ -60,7 +60,7 @@ class Enclosure(FieldsRepr):
     Attributes
     ----------
     time : (n,) instants [s] of the run.
-    lower, upper : (n,) bounds on the force [N]; infinite where nothing is known.
+    lower, upper : (n,) bounds on the force [N]; infinite where no bound is known.
     peak, impulse : bounds on the peak force [N] and on the impulse [N s], (lower, upper).
     horizon : time [s] from which the bounds are wider than a fifth of the largest force.
     n : number of Krylov vectors of the reference motion.
@@ -109,7 +109,7 @@ class _ReferenceBody(NamedTuple):
 
 
 def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosure, ...]:
-    """The narrowest bounds on each force; with `tol`, bounds of the fewest vectors that meet it."""
+    """The narrowest bounds on the forces; with `tol`, those of the fewest vectors that meet it."""
     _check_run(assembly, run)
     bodies = assembly.bodies.values()
     sizes = consecutive_slices([body.omega.size for body in bodies])
@@ -147,7 +147,7 @@ def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosur
 FOLLOWING_PHASE = 30.0
 FOLLOWING_SHARE = 4.0
 FOLLOWING_DECAY_RATIO = 0.5
-#: Numbers of vectors that are tried up to a tolerance.
+#: Numbers of Krylov vectors that are tried in turn until the tolerance is met.
 VECTOR_COUNTS = (4, 6, 8, 11, 15, 20, 27, 36, 48, 64, 85, 113, 150, 200, 266)
 
 
@@ -207,7 +207,7 @@ def _proof_law(law: ContactLaw) -> tuple[ContactLaw, float]:
 
 
 def _max_vectors(body: SceneBody) -> int:
-    """Largest number of Krylov vectors of a body, 0 for a rigid body; InputError without any."""
+    """Largest number of Krylov vectors of a body, 0 for a rigid body; else InputError."""
     model = body.body
     inner = getattr(model, "body", model)  # of an `Impactor`
     if isinstance(inner, AntiOscillators):
@@ -235,7 +235,7 @@ def _max_vectors(body: SceneBody) -> int:
 
 
 def _reference_body(assembly: Assembly, body: SceneBody, span: slice, n: int) -> _ReferenceBody:
-    """A body of the run (modes `span`) in the reference modes of `n` vectors, or a rigid body."""
+    """A body (modes `span` of the run) in the reference modes of `n` vectors, or a rigid body."""
     system = assembly.system
     beta, v, load = system.beta[:, span], system.v[span], system.loads[0, span]
     inner = getattr(body.body, "body", body.body)
@@ -259,7 +259,7 @@ def _reference_body(assembly: Assembly, body: SceneBody, span: slice, n: int) ->
     rigid = modes.omega == 0
 
     def of_rigid(values: Array) -> Array:
-        """Modal values that the rigid-body modes have, from `values` at the sites."""
+        """Amplitudes of the reference's rigid-body modes, from the modal `values` of the run."""
         moved = np.zeros(rigid.size)
         motion = B[~elastic].T @ values[~elastic]
         moved[rigid] = np.linalg.lstsq(modes.b[rigid].T, motion, rcond=None)[0]

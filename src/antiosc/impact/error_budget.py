@@ -46,7 +46,7 @@ Rerun = Callable[..., History]
 
 
 class RepeatedImpact:
-    """An impact that is repeated on other models and with other laws, to an error `tol` in time."""
+    """An impact to repeat on other models and with other laws; `tol`: time integration error."""
 
     def __init__(self, model: AntiOscillators, rerun: Rerun, tol: float) -> None:
         self.model = model
@@ -56,7 +56,7 @@ class RepeatedImpact:
         self.runs = [self.raw_history]
 
     def run(self, body: LinearBody, law: ContactLaw | None = None) -> History:
-        """The history on another body or with another law; the given run is not repeated."""
+        """The history on a body or with another law; the run on `model` itself is not repeated."""
         if body is self.model and law is None:
             return self.raw_history
         self.runs.append(self.rerun(body, self.tol, law))
@@ -72,7 +72,7 @@ BAR_SIGMAS = 2.0
 
 
 def measurement_errors(impact: RepeatedImpact) -> RelativeErrors:
-    """Relative errors of the quantities: the sum due to measured noise and the limited band."""
+    """Relative errors of the quantities due to measurement noise and limited band, summed."""
     facts = impact.model.info.measured
     if facts is None:
         return bars.ZERO_ERRORS
@@ -96,25 +96,25 @@ def measurement_errors(impact: RepeatedImpact) -> RelativeErrors:
 
 #: Factors of safety of the mesh error, and of that of a coarse mesh.
 SAFETY, COARSE_SAFETY = 2.0, 3.0
-#: A mesh is coarse if the strain errors exceed this share of the energy,
+#: A mesh is coarse if the strain errors exceed this share of the strain energy,
 COARSE_STRAIN_ERROR = 0.1
 #: or the faces under the patch exceed this times its radius (the factor then grows in proportion).
 RESOLVED_FACE_RATIO = 1.2
-#: Both factors of shells of triangles over the usual ones (measured).
+#: Ratio of the safety factors of shells of triangles to the usual ones (measured).
 TRIANGLE_FACTOR = 1.5
 #: Factor of safety for a site inside a beam element, which does not resolve the kink there.
 INSIDE_ELEMENT_SAFETY = 5.0
-#: Time integration error of the compared runs over that of the history, its least and its largest.
+#: `tol` of the compared runs over that of the history; its least and its largest value.
 COMPARED_TOL_RATIO, MIN_COMPARED_TOL, MAX_COMPARED_TOL = 0.1, 1e-6, 1e-4
 #: Factor on the energy of second-order strain in the bars of a solid that is taken as linear, and
 #: the least share: 30 random blows changed by up to twice the energy, and by 0.2 % where it was
 #: nearly 0 (measured).
 OMITTED_SAFETY, OMITTED_MIN_ERROR = 2.5, 5e-3
-#: Instants of the contact at which the amplitudes of the shapes are taken.
+#: Number of instants of the contact at which the amplitudes of the shapes are evaluated.
 AMPLITUDE_TIMES = 200
-#: Notes if a second radius gives no estimate. What to do at an edge is in the warning of its site.
+#: Note if a second patch radius gives no estimate (a warning of the site has the remedy).
 NO_PATCH_NOTE = "Not included: the radius of the patch."
-#: Of a patch that an edge cuts, where the cells resolve no whole one.
+#: Note for a patch that an edge cuts, where the cells do not resolve an uncut patch.
 CUT_PATCH_NOTE = (
     "An edge cuts the patch, and its faces resolve no smaller one that is whole: the share of the"
     " patch is that of all of its half-space's compliance."
@@ -223,7 +223,7 @@ def _unknown_mesh(
 
 
 def restitution_of(hit: History) -> float | None:
-    """Restitution e of an impact on an unloaded part at rest; None for others and for e < 0."""
+    """Restitution e of an impact on an unloaded part at rest; None for other impacts and e < 0."""
     scene = hit.assembly.scene
     part = hit.assembly.bodies["structure"]
     loaded = len(scene.loads) > 0 or scene.base is not None or np.any(scene.gravity)
@@ -237,7 +237,7 @@ def restitution_of(hit: History) -> float | None:
 
 
 def law_error(impact: RepeatedImpact) -> tuple[RelativeErrors | None, str]:
-    """(relative errors due to the contact law or None, reason why the bars lack them)."""
+    """(relative errors due to the contact law, None if unknown; why bars lack them, or "")."""
     hit = impact.raw_history
     choice = choice_of(hit.law, hit.model, hit.impactor)
     if choice is None:
@@ -253,7 +253,7 @@ def law_error(impact: RepeatedImpact) -> tuple[RelativeErrors | None, str]:
     return {name: share + max(change[name] for change in changes) for name in BAR_UNITS}, ""
 
 
-#: The laws of contacts at a point, whose patch is that of no flat face.
+#: Laws of contacts that begin at a point, in contrast to contacts of two flat faces.
 POINT_CONTACT_LAWS = (Hertz, Gonthier, ElasticPlastic, YangSun)
 
 

@@ -17,11 +17,11 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr, Result
 from antiosc.plot.charts import figure_or_path, panels
 
-#: Share of the samples within a confidence interval.
+#: Default confidence level of the intervals.
 CONFIDENCE_LEVEL = 0.95
 #: Least distance of a share from 0 and 1: closer ones have no finite number of samples.
 MIN_SHARE = 1e-12
-#: Shares of the results below the quantiles that are told, unless others are asked for.
+#: Default probabilities of the quantiles that are printed.
 QUANTILES = (0.05, 0.5, 0.95)
 
 
@@ -29,7 +29,7 @@ QUANTILES = (0.05, 0.5, 0.95)
 class Quantile(FieldsRepr):
     """A quantile or a probability with its confidence interval (low, high).
 
-    An end is infinite if the sample is too small; `note` then gives the required number of results,
+    A bound is infinite if the sample is too small; `note` then has the required number of results,
     and the number of runs that lack the result.
     """
 
@@ -85,7 +85,7 @@ def _checked_share(name: str, value: float) -> float:
 
 
 def checked_levels(quantiles: Sequence[float]) -> tuple[float, ...]:
-    """Different shares between 0 and 1, in order; InputError for invalid ones."""
+    """The distinct `quantiles`, ascending; InputError unless all are between 0 and 1."""
     shares = checks.floats("quantiles", quantiles, (None,))
     if not len(shares):
         raise InputError("quantiles is empty: give shares such as (0.05, 0.5, 0.95).")
@@ -105,11 +105,11 @@ class Many(Result):
     failures : messages of failed runs, by number of the run.
     inputs : name -> (n, ...) inputs drawn for the runs; for a sequence of values, indices into it.
     facts : name -> (n,) other data of the runs. Impacts: number of "contacts", "step" [s], "error"
-        of the force (NaN if the step was given) and "status" as in `History`, 2 for failed runs.
+        of the force (NaN if the user set the step) and "status" as in `History`, 2 for failed runs.
         Falls: number of "impacts", whether a contact "yields", and whether forces "missed" the
         tolerance.
     messages : messages of runs that did not end as requested or never touched, by number.
-    force : for impacts, (times, forces) of each: nodes of its contacts, linear in between.
+    force : for impacts, (times, forces) of each during contact, linear in between.
     what : "impacts", "falls" or "runs".
     note : a remark on all runs, as a sentence without its full stop.
     quantiles : probabilities of the quantiles in texts and pictures.

@@ -13,9 +13,9 @@ MIN_TIME_BAND_PRODUCT = 1.0
 ENERGY_SHARE = 0.99
 #: This frequency times the duration of a half-sine: with |F| ∝ cos(πfT)/(1 − 4f²T²) it is 1.182.
 HALF_SINE_PRODUCT = 1.18
-#: Samples of the force in its transform.
+#: Number of samples of the force in its Fourier transform.
 SAMPLE_COUNT = 8192
-#: Samples with zeros appended over those: the frequency is then within 1/8 of the record's inverse.
+#: Samples with zero padding over samples without: the frequency is within 1/(8 record length).
 PADDING_FACTOR = 8
 
 
@@ -38,7 +38,7 @@ def low_band_message(hit: History) -> str:
 
 
 def pulse_time(hit: History) -> float:
-    """Duration [s] of the half-sine whose spectrum ends at the same frequency as the force's."""
+    """Duration [s] of a half-sine whose spectrum ends where that of the force ends."""
     start = hit.contacts[0][0]
     end = hit.contacts[-1][1]
     time = np.linspace(start, end, SAMPLE_COUNT)

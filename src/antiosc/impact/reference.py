@@ -42,7 +42,7 @@ def integrate_reference(assembly: Assembly, duration: float, settings: Settings)
 def _run_of_nodes(
     s: System, contacts: Contacts, nodes: Sequence[Array], answer: int, steps: int
 ) -> Run:
-    """The `Run` of nodes (time, force, depth, states), with its events from `contacts`."""
+    """The `Run` of time nodes (time, force, depth, states), with events from `contacts`."""
     events = np.array(contacts.events, dtype=float).reshape(-1, 4)
     time, force, depth, states = nodes
     return Run(time, force, depth, states, events, answer, steps, steps, contacts.touches)
@@ -53,7 +53,7 @@ def _run_of_nodes(
 INITIAL_STEPS_PER_CONTACT = 24  # steps in the shortest contact that is expected, at first
 MAX_RUNS = 24
 STABLE_STEP_SHARE = 0.9  # of the leapfrog's limit of stability, h omega = 2
-#: Motion at the end of a step without its forces, from that at its start, forces there, loads.
+#: (motion at the start of a step, forces there, loads) -> motion at its end without forces there.
 StepPredictor = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
 
 
@@ -133,7 +133,7 @@ def run_in_fixed_steps(s: System, step: float, duration: float, settings: Settin
 
 
 def _by_fixed_steps(assembly: Assembly, duration: float, settings: Settings) -> Converged:
-    """A run with the given step, or runs with ever shorter steps whose last change is the error."""
+    """A run with the user's step, or runs with ever shorter steps; the last change is the error."""
     s = assembly.system
     method, tol = settings.method, settings.tol
     top = float(s.omega.max(initial=0.0))
@@ -205,7 +205,7 @@ def _by_solve_ivp(assembly: Assembly, duration: float, settings: Settings) -> Co
 
 
 class _EventSolver:
-    """`solve_ivp` from event to event: a touch, a release or a corner of a load."""
+    """Integrates by `solve_ivp` from event to event: a touch, a release or a corner of a load."""
 
     def __init__(self, system: System, settings: Settings, longest: float) -> None:
         self.system = system
@@ -215,7 +215,7 @@ class _EventSolver:
         self.evaluations = 0
 
     def run(self, duration: float) -> Run:
-        """The whole run."""
+        """The run from 0 to `duration` [s]."""
         s, contacts, settings = self.system, self.contacts, self.settings
         t, y = 0.0, np.concatenate((s.q, s.v))
         pieces: list[tuple[Array, ...]] = []
@@ -320,7 +320,7 @@ class _EventSolver:
         return excess
 
     def _nodes_of_steps(self, ends: Array, at: Callable[[Array], Array]) -> tuple[Array, ...]:
-        """Time, force, depth, states at the nodes that divide the steps between `ends` [s]."""
+        """(time, force, depth, states) at the time nodes of the steps between `ends` [s]."""
         share = np.arange(2 * NODES_PER_STEP) / (2 * NODES_PER_STEP)
         t = np.append((ends[:-1, None] + np.diff(ends)[:, None] * share).ravel(), ends[-1])
         y = at(t).T

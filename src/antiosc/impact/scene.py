@@ -111,7 +111,7 @@ class Scene(SceneParts):
         method, step, max_contacts, max_steps, proof : as for `simulate`
             Methods other than "exact" do not support friction; proved bounds are in
             `hit[a, b].enclosure`. "exact" halves a given step where it does not resolve the forces,
-            and stops with a message if the contacts then still excite modes.
+            and stops with a message if the bodies gain energy.
 
         Returns
         -------
@@ -218,7 +218,7 @@ def with_proof(history: H, tol: float = 0.0) -> H:
 
 
 def with_warning(history: H, sentence: str) -> H:
-    """Warn with a sentence, unless it is "", and add it to the message of the history."""
+    """The history with a sentence (unless "") added to its message; also warn with it."""
     if not sentence:
         return history
     warn(sentence, AccuracyWarning)
@@ -331,7 +331,7 @@ def range_error(
 
 
 def _warn_coarse_cells(scene: Scene, history: SceneHistory) -> None:
-    """Warn of a body whose cells are too long for the wave of a contact of the run."""
+    """Warn of a body whose cells are too long for the waves that a contact excites."""
     for contact, touched in zip(scene.contacts, history.contact_histories, strict=True):
         for end in (contact.a, contact.b) if touched.contacts else ():
             name, _, site = end.partition(":")
@@ -341,7 +341,7 @@ def _warn_coarse_cells(scene: Scene, history: SceneHistory) -> None:
                 warn(f"{name!r} in the contact of {of}: {sentence}", AccuracyWarning)
 
 
-#: Relative error of the forces by the step: little beside the errors of meshes and of laws.
+#: Relative force error of time integration: small compared with the errors of meshes and laws.
 DEFAULT_TOL = 1e-3
 
 
@@ -540,8 +540,8 @@ class RepeatableImpact:
 def _truncated_model(
     model: LinearBody, n: int | str, run: RunOnModel, tol: float
 ) -> tuple[LinearBody, dict[str, float], str]:
-    """(model truncated to `n`, or for "auto" to the fewest for `tol`; its errors; note if they are
-    too few)."""
+    """(model truncated to `n`, or for "auto" to the fewest for `tol`; its errors; note if n is
+    too small)."""
     if not isinstance(model, AntiOscillators):
         raise InputError(f"only AntiOscillators can be truncated; got {type(model).__name__}.")
     if not isinstance(n, str):

@@ -1,12 +1,12 @@
 """The parts of a scene: bodies, contacts, loads, and the rows that give indentations from motion.
 
-All bodies have one system of axes. A contact of the ends a and b has a direction d: the direction
-of a's site, or of b's site if a has none. Its force F >= 0 pushes a along +d and b along -d, and
+All bodies have one system of axes. A contact between the sites a and b has a direction d: that of
+site a, or that of site b if a has none. Its force F >= 0 pushes a along +d and b along -d, and
 
     delta = (displacement of b - displacement of a) along d - gap.
 
 A body without directions in space (`RigidMass`, `Sphere`, a model made by hand) has one coordinate,
-which is its displacement along d: as end b it moves toward a if its velocity is > 0. Its first
+which is its displacement along d: as site b it moves toward a if its velocity is > 0. Its first
 contact gives this coordinate the direction d. A later contact along -d takes it with the opposite
 sign; a contact along another line is refused. All displacements are relative to the ground;
 displacements of a body that is supported at its sites count from its equilibrium under gravity.
@@ -47,10 +47,10 @@ class Contact(Checked):
     Parameters
     ----------
     a, b : str
-        The ends; the force pushes a along the direction of its site, and b in the opposite
+        The sites; the force pushes a along the direction of its site, and b in the opposite
         direction. If a has no direction (as an obstacle), the force pushes b against b's direction:
         two stops on both sides of a tip are ("tip", "one") and ("other", "tip"). It is not checked
-        whether the ends meet.
+        whether the sites meet.
     law : ContactLaw or "auto"
         Force along the direction of the contact; "auto": as for `simulate`.
     gap : float, optional
@@ -249,7 +249,7 @@ class SceneParts(FieldsRepr):
             raise InputError(f"contact {contact.a!r}, {contact.b!r}: {error}") from None
 
     def _site_of(self, end: str) -> str:
-        """The normal form of an end: "body" for a body with one site, else "body:site"."""
+        """Normal form of a site name: "body" for a body with one site, else "body:site"."""
         name = end.partition(":")[0]
         if len(getattr(self.bodies.get(name), "sites", ())) > 1:
             return end
@@ -259,7 +259,7 @@ class SceneParts(FieldsRepr):
 def two_body_parts(
     model: object, impactor: object, law: ContactLaw, gap: float, gravity: float | Sequence[float]
 ) -> SceneParts:
-    """The scene "structure" and "impactor" of `simulate`, from checked arguments."""
+    """The scene of `simulate`, "structure" and "impactor", from checked arguments."""
     parts = SceneParts.__new__(SceneParts)
     contact = Contact.__new__(Contact)
     bodies = {"structure": model, "impactor": impactor}
@@ -308,7 +308,7 @@ ContactEnd = tuple[SceneBody, str]  # a body and the name of its site
 
 
 def find_site(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
-    """The body of an end and the name of its site."""
+    """The body and the site that a name "body" or "body:site" denotes."""
     name, _, site = end.partition(":")
     if name not in bodies:
         raise InputError(f"there is no body {name!r} in the scene; it has {', '.join(bodies)}.")
@@ -346,7 +346,7 @@ def set_axes(
 
 
 def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> Array:
-    """Row (P,) of a site's displacement along a direction; None: along its coordinate."""
+    """Row (P,) of a site's displacement along a direction (None: along its coordinate)."""
     row = np.zeros(body.modes.B.shape[1])
     columns = list(body.sites[site])
     if not columns:
@@ -374,7 +374,7 @@ def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> A
 
 
 def contact_direction(a: ContactEnd, b: ContactEnd) -> Array | None:
-    """Direction (3,) of a contact in space; None if neither end has one."""
+    """Direction (3,) of a contact in space; None if neither site has a direction."""
     return a[0].push_directions.get(a[1], b[0].push_directions.get(b[1]))
 
 
@@ -384,7 +384,7 @@ def relative_row(
     direction: Array | None,
     stacked: StackedBodies,
 ) -> Array:
-    """Row (P,) of the displacement of end b relative to end a along a direction."""
+    """Row (P,) of the displacement of site b relative to site a along a direction."""
     row = np.zeros(len(stacked.r))
     a, b = ends
     for (body, site), sign, end in ((b, 1, contact.b), (a, -1, contact.a)):
@@ -398,7 +398,7 @@ def tangential_rows(
     direction: Array | None,
     stacked: StackedBodies,
 ) -> list[Array]:
-    """One or two rows (P,) of the tangential displacement of end b relative to end a."""
+    """One or two rows (P,) of the tangential displacement of site b relative to site a."""
     movable_ends = [(body, site) for body, site in ends if body.sites[site]]
     if direction is None or any(body.modes.axes is None for body, _ in movable_ends):
         raise InputError(
@@ -502,7 +502,7 @@ def load_series(
 
 
 def gravity_load(body: SceneBody, gravity: Array | float) -> Array | None:
-    """Modal forces (J,) of gravity without the weight on supports; None if nothing moves."""
+    """Modal forces (J,) of gravity; only rigid modes if supported, None without rigid modes."""
     if not np.any(body.omega == 0):
         return None
 
@@ -533,7 +533,7 @@ def _check_ground_direction(body: SceneBody, ground_motion: Array) -> None:
 
 
 def _unit_loads(body: SceneBody, vector: bool) -> Array:
-    """Modal forces of unit accelerations: (J, 3) along the axes if `vector`, else (J, 1)."""
+    """Modal forces of unit accelerations: (J, 3) along x, y, z if `vector`, else (J, 1)."""
     if isinstance(body.body, Obstacle):
         return np.zeros((0, 3 if vector else 1))
     if vector and body.inertia is not None:

@@ -16,13 +16,13 @@ from antiosc.engine.system import System
 
 Index = NDArray[np.intp]
 
-#: Steps that a flight over a whole run has in a history.
+#: Number of steps in a history for a flight as long as the run.
 FLIGHT_STEPS = 100
-#: Modal responses that are computed at once.
+#: Number of modal responses that are computed at once.
 RESPONSES_AT_ONCE = 1 << 18
-#: States of one mode at the ends of steps that are found at once where all are not needed together.
+#: Number of modal states at the ends of steps that are computed at once.
 STATES_AT_ONCE = 1 << 22
-#: Remedy where the motion of all modes at all times does not fit.
+#: Remedy if the motion of all modes at all times does not fit in memory.
 MEMORY_REMEDY = "ask for the motion at fewer times, as hit.at(times), or use fewer anti-oscillators"
 
 
@@ -84,7 +84,7 @@ def steps_at(run: Run, t: Array) -> tuple[Index, Array]:
 
 
 def contact_forces(run: Run, step: Index, since: Array) -> Array:
-    """Contact forces (n, m) from the parabola of each step, at times `since` its start."""
+    """Contact forces (n, m) at times `since` [s] after step starts, from each step's parabola."""
     if run.time.size < 3:
         return np.repeat(run.force[:1], step.size, axis=0)
     f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
@@ -94,13 +94,13 @@ def contact_forces(run: Run, step: Index, since: Array) -> Array:
 
 
 def modal_states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
-    """Modal displacements and velocities (n, J) at times `since` the starts of steps."""
+    """Modal displacements and velocities (n, J) at times `since` [s] after the starts of steps."""
     q, v = integrated_states(run, system, step, since)
     return _free_modes(system, q, v)
 
 
 def integrated_states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
-    """States (n, I) of the integrated modes at times `since` the starts of steps."""
+    """States (n, I) of the integrated modes at times `since` [s] after the starts of steps."""
     q, v = integrated_start_states(run, system, step)
     if run.time.size < 3:
         return q, v
@@ -162,7 +162,7 @@ def integrated_start_states(run: Run, system: System, step: Index) -> tuple[Arra
 def _advanced_states(
     run: Run, system: System, step: Index, since: Array, q: Array, v: Array
 ) -> tuple[Array, Array]:
-    """Modal displacements and velocities at times `since` the starts of steps."""
+    """Modal displacements and velocities at times `since` [s] after the starts of steps."""
     full_system = system
     system = system.marched
     P, W, S, J0, J1, J2 = library.responses(system.omega, system.decay, since[:, None])
@@ -206,7 +206,7 @@ def _advanced_states(
 def node_states(
     run: Run, system: System, first: int = 0, last: int | None = None
 ) -> tuple[Array, Array]:
-    """Modal states (n, J) at the nodes of the steps `first` to `last`."""
+    """Modal states (n, J) at the time nodes of the steps `first` to `last`."""
     last = run.time.size // 2 if last is None else last
     size = system.omega.size
     nodes = 2 * (last - first) + 1
@@ -228,14 +228,14 @@ def node_states(
 
 
 def step_blocks(run: Run, size: int) -> list[tuple[int, int]]:
-    """(first, last) step of blocks of a run whose states of `size` modes fit in memory."""
+    """(first, last) step of each block of a run whose states of `size` modes fit in memory."""
     steps = run.time.size // 2
     block_size = max(STATES_AT_ONCE // max(size, 1), 1)
     return [(k, min(k + block_size, steps)) for k in range(0, max(steps, 1), block_size)]
 
 
 def with_flight_nodes(run: Run, system: System) -> Run:
-    """The run with more nodes in its flights, for pictures."""
+    """The run with more time nodes in its flights, for pictures."""
     if run.time.size < 3:
         return run
 

@@ -26,8 +26,8 @@ H = TypeVar("H", bound=History)
 #: Integrates an assembly.
 IntegrateAssembly = Callable[[Assembly], H]
 
-#: Change of the site's displacement by second-order forces, over its largest, up to which the
-#: linear run stands: of a peak force about half of it.
+#: Relative change of the site's displacement by second-order forces up to which the linear run is
+#: kept; the peak force changes by about half of it.
 NEGLIGIBLE_SHARE = 3e-3
 #: Modes that an automatic choice begins with, and the error that it aims at, at least: the tensors
 #: themselves are within 1e-3 of the full second-order strain.
@@ -40,14 +40,14 @@ KRYLOV_SIZE = 12
 AGREEING_STEP_COUNT = 2
 #: Times up to the peak of a force at which energies are compared.
 ENERGY_SAMPLES = 200
-#: Change by the last of them from which a sentence tells it; below, the error budget does. Error
-#: above which another program is advised.
+#: Change by the last modes above which a warning is given (a smaller one is in the error budget
+#: only); error above which another program is advised.
 WARN_CHANGE, ROUGH_ERROR = 1e-2, 0.5
 #: Factor of safety on that change in the error budget, and the least change: 56 of 58 random sheets
 #: have bars that cover the error (measured); with 3 and 1e-3 55 of them.
 STRETCH_SAFETY, MIN_STRETCH_ERROR = 4.5, 2.5e-3
-#: What decides on their number, and how much more it may change than the force; contact times,
-#: which may jump by a whole touch, do not.
+#: Quantities that decide on the number of modes, and how much more than the force they may change;
+#: not the contact time, which may jump by a whole touch.
 DECIDING_WEIGHTS = {"peak_force": 1.0, "impulse": 1.0, "deflection": 2.5}
 
 
@@ -83,11 +83,11 @@ class StretchedMotion:
     stretch: Stretch  # its second-order forces
     omega: Array  # (J,) rad/s, of the free modes
     amplitude: Array  # (m, m) triangular factor of the amplitudes (n, m) of its modes
-    #: largest static displacement of a site by the forces, over its largest displacement
+    #: largest static displacement of a site by second-order forces over its largest displacement
     change: float
 
     def leading(self, count: int) -> Stretch:
-        """The second-order forces in the `count` largest motions (or the number the user gave)."""
+        """Second-order forces in the `count` largest motions, or in as many as the user gave."""
         if self.stretch.count != "auto":
             count = self.stretch.count
         if count >= self.stretch.size:
@@ -198,7 +198,7 @@ def largest_force(history: History) -> float:
 
 
 def relative_differences(first: History, second: History) -> dict[str, float]:
-    """Largest relative changes between two runs, by quantity (of contacts, and deflection)."""
+    """Largest relative change of each quantity of all contacts, and of the deflections."""
     worst = dict.fromkeys(bars.QUANTITIES, 0.0)
     for a, b in zip(first.contact_histories, second.contact_histories, strict=True):
         if b.contacts:
@@ -215,7 +215,7 @@ def relative_differences(first: History, second: History) -> dict[str, float]:
 
 
 def stretch_shares(changes: Mapping[str, float], before: float) -> dict[str, float]:
-    """Error bounds by quantity for left-out motions; `changes`: effect of two more motions."""
+    """Errors of omitted motions; `changes`: by two more; `before`: energy ratio before the peak."""
     worst = max(changes.get(name, 0.0) for name in DECIDING_WEIGHTS)
     floors = dict.fromkeys(bars.QUANTITIES, bars.MIN_ERROR_SHARE * worst)
     floors[bars.DEFLECTION] = 0.0  # it is among those that make the floors
@@ -234,7 +234,7 @@ def stretch_shares_of(run: History) -> dict[str, float]:
 
 
 def _too_few_text(count: int, shares: Mapping[str, float]) -> str:
-    """Sentence on a run with `count` second-order motions that two more would still change."""
+    """Sentence: the result with `count` second-order motions would change with two more."""
     force, deflection = shares["peak_force"], shares[bars.DEFLECTION]
     advice = f" To narrow it, {NARROWING_REMEDY}." if max(force, deflection) > ROUGH_ERROR else ""
     return (

@@ -12,8 +12,8 @@ Quadrature*, 2010, ch. 6): m0 and the m_i are weights at 0 and at 1/(omega_i^2 +
 expansion point p. Its softest extreme is the Gauss rule of the same moments. A spike of force due
 to the mass at the site may show in neither extreme. The impact is therefore repeated with two more
 models. The halved model has half as many anti-oscillators, from half of the Krylov space (Lanczos'
-recurrence on these nodes). The lighter model has m0 reduced by the mass that left m0 from the half
-to the whole. If doubling the number at least halves the error, the error is below the change by the
+recurrence on these nodes). In the lighter model, m0 is smaller by as much as it is larger in the
+halved model. If doubling the number at least halves the error, the error is below the change by the
 halved model, and m0 is at least as large as in the lighter one. The largest change counts; changes
 by the softest and the lightest model get the factor `TRUNCATION_SAFETY_RITZ`.
 """
@@ -38,7 +38,7 @@ from antiosc.models.anti_oscillators import AntiOscillators, is_reduced
 from antiosc.models.body import checked_body
 from antiosc.models.motion import ModalState
 
-#: Share of the force from which a warning is given.
+#: Relative error of the force above which a warning is given.
 WARNING_SHARE = 0.3
 
 
@@ -53,17 +53,17 @@ def too_few_text(n: int, error: float) -> str:
     )
 
 
-#: simulates the impact on a model with a given time integration error
+#: (model, time integration error) -> history of the impact on this model
 RunOnModel = Callable[[AntiOscillators, float], History]
 
 #: Factors of safety of the estimate, and of the changes on the softest and on the lightest model of
 #: the Krylov method.
 TRUNCATION_SAFETY, TRUNCATION_SAFETY_RITZ = 2.5, 4.0
-#: Least share of a value that is left on the model with half as many anti-oscillators.
+#: Least ratio of a value on the halved model to the value on the model.
 MIN_HALVED_SHARE = 1e-3
 #: The lowest 1/omega^2 of a Gauss rule lies above this share of the one above it, but for rounding.
 MIN_GAUSS_RATIO = 1e-6
-#: Directions of a block that are smaller than this share of its largest depend on those before.
+#: Vectors of a block shorter than this share of its longest count as linearly dependent.
 DEFLATION_RATIO = 1e-10
 
 
@@ -132,8 +132,8 @@ def truncation_error(
 
 
 def choose_n(model: AntiOscillators, run: RunOnModel, tol: float = 1e-2) -> TruncationError:
-    """The fewest anti-oscillators of `model` whose errors are at most `tol`, or all of them; the
-    errors are the change from the whole model plus the whole model's truncation error.
+    """Number and errors of the fewest anti-oscillators of `model` that meet `tol`, else of all;
+    the errors are the change from the full model plus the full model's truncation error.
 
     `run(model, tol)` is the impact, as for `truncation_error`.
 
@@ -216,7 +216,7 @@ def _combined_model(
     """The model with its n anti-oscillators replaced by k combinations of them.
 
     modes : (n, k) combinations of unit mass; momentum : (n', 3) momenta of all new coordinates;
-    given : new values of fields.
+    given : new values of other fields of the model.
     """
     damping = model.damping
     if isinstance(damping, DampingMatrix):

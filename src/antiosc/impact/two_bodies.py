@@ -37,7 +37,7 @@ from antiosc.models.stretch import stretch_of
 
 #: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
 MAX_PHASE = 1e15
-#: The row of the one contact in the displacements of both bodies along their pushes.
+#: Row that gives the indentation from both bodies' displacements along the forces on them.
 _CONTACT_ROW = np.array([[-1.0, -1.0]])
 
 
@@ -61,7 +61,7 @@ class ModalPair(NamedTuple):
 
     @property
     def mass(self) -> float:
-        """Inertia [kg] behind the contact."""
+        """Effective mass [kg] of both bodies at the contact."""
         mobility = sum(one.mobility for one in self.modes)
         return 1 / mobility if mobility > 0 else 1.0
 
@@ -87,7 +87,7 @@ class ModalPair(NamedTuple):
 
 
 def check_span(system: System, duration: float) -> None:
-    """InputError if nothing moves; AccuracyError if phases lose their digits in a duration [s]."""
+    """InputError if nothing moves; AccuracyError if a duration [s] is too long for the phases."""
     if not system.omega.size:
         raise InputError("nothing can move: give the model or the impactor a mass.")
 
@@ -152,7 +152,7 @@ def modal_pair(impact: Impact) -> ModalPair:
 
 
 def assemble_pair(impact: Impact) -> Assembly:
-    """Assemble "structure" and "impactor"."""
+    """The assembly of the bodies "structure" and "impactor" for time integration."""
     model, impactor, contact, duration, _, gravity, gap = impact
     pair = modal_pair(impact)
     checks.instance("contact", contact, ContactLaw, LAW_RULE)
@@ -227,9 +227,9 @@ def impact_band(
 IMPACT_DTYPE = cast("np.dtype[np.void]", np.dtype(library.CImpact))
 OUTCOME_DTYPE = cast("np.dtype[np.void]", np.dtype(library.COutcome))
 
-#: Modes times attempted steps between two looks for an interrupt: some 0.05 s.
+#: Modes times attempted steps between two checks for an interrupt: some 0.05 s.
 _MODE_STEPS_PER_CALL = 4_000_000
-#: Least nodes that a call may write.
+#: Least number of nodes for which a call has space.
 _MIN_NODES = 200_000
 
 
@@ -279,7 +279,7 @@ class ImpactRows:
         self._held = system, rows
 
     def _strikers(self, impacts: Sequence[Impact], system: System) -> tuple[Array, Array, Array]:
-        """(contact rows, initial velocities (S, J), masses (S,) [kg] behind the contacts)."""
+        """(contact rows, initial velocities (S, J), effective masses (S,) [kg] at the contacts)."""
         count = len(impacts)
         strikers = [cast("RigidMass", striker.impactor) for striker in impacts]
         beta, v = (np.repeat(row.reshape(1, -1), count, axis=0) for row in (system.beta, system.v))
@@ -289,7 +289,7 @@ class ImpactRows:
         return beta, v, 1 / (self.pair.modes[0].mobility + b * b)
 
     def solve(self) -> tuple[NDArray[np.void], list[tuple[Array, Array]]]:
-        """(outcomes (`aom_outcome`), (times [s], forces [N]) at the contact nodes of each)."""
+        """(outcomes (`aom_outcome`), (times [s], forces [N]) of each impact during contact)."""
         rows = self.rows
         size = self._held[0].omega.size
         space = _Workspace(size)
@@ -332,7 +332,7 @@ class _Workspace:
         library.library.aom_batch_create(size, *arguments)
 
     def read_pulses(self, counts: NDArray[np.int64]) -> list[tuple[Array, Array]]:
-        """Copy the nodes of all impacts and empty the buffers."""
+        """(times, forces) of each impact, copied from the buffers, which are emptied."""
         time, force = (array[: self.nodes.n_nodes].copy() for array in (self.time, self.force))
         self.nodes.n_nodes = 0
         ends = np.cumsum(counts).tolist()

@@ -351,7 +351,7 @@ LOWEST_FREQUENCY = 0.2
 
 
 def plot_dynamic_stiffness(models: ModelLike, omega: ArrayLike, ax: Axes | None = None) -> Axes:
-    """|Z| over frequency: poles at the antiresonances, zeros at the free frequencies.
+    """Dynamic stiffness |Z| over frequency: poles at antiresonances, zeros at free frequencies.
 
     `omega` [rad/s], (n,). A model of several sites has one curve for each entry of the matrix on
     and above its diagonal.

@@ -59,7 +59,7 @@ def draw_model(
 
 
 def _draw_residual(ax: Axes, m0: float, k0: float, ends: tuple[float, float], y: float) -> None:
-    """The residual mass as a plate; below it its spring and the ground, unless k0 is zero."""
+    """Draw the residual mass as a plate and, unless k0 is zero, its spring and the ground."""
     from matplotlib.patches import Rectangle
 
     left, right = ends
@@ -78,7 +78,7 @@ def _draw_residual(ax: Axes, m0: float, k0: float, ends: tuple[float, float], y:
 
 
 def _draw_striker(ax: Axes, y: float, plate: float) -> None:
-    """The striker above the site; its contact spring ends on the residual mass, or above it."""
+    """Draw the striker and its contact spring above y, or above `plate`, the residual mass."""
     from matplotlib.patches import Circle
 
     ax.add_patch(Circle((0, y + 2.1), 0.55, facecolor="#f2c9a1", edgecolor=STRIKER_COLOUR, lw=1.2))
@@ -91,7 +91,7 @@ def _draw_striker(ax: Axes, y: float, plate: float) -> None:
 
 
 def _draw_spring(ax: Axes, x: float, start: float, end: float, turns: int = 4) -> None:
-    """A spring along y as a zigzag."""
+    """Draw a spring along y as a zigzag."""
     y = np.linspace(start, end, 2 * turns + 4)
     zigzag: Any = 0.16 * (-1.0) ** np.arange(2 * turns)
     ax.plot(np.concatenate(([x, x], x + zigzag, [x, x])), y, **LINE_STYLE)

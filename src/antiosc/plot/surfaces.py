@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
 
-#: Colour of what has no value to be trusted.
+#: Colour of faces without a reliable value.
 NO_VALUE_COLOUR = "0.75"
 #: Direction of the light, and the darkest shade.
 LIGHT_DIRECTION = np.array([0.5, -0.4, 0.77])
@@ -46,7 +46,7 @@ def draw_faces(
     darkest_shade: float = DARKEST_SHADE,
     outlined: BoolArray | None = None,
 ) -> None:
-    """Faces (F, 3 or 4, 3), lines (F, 2, 3) or points coloured by `value` (F,).
+    """Draw faces (F, 3 or 4, 3), lines (F, 2, 3) or points (F, 1, 3), coloured by `value` (F,).
 
     A colour scale is drawn if there is a `label`; `darkest_shade`: factor on the colour of faces
     that are parallel to the light; faces that are `outlined` are white.
@@ -80,7 +80,7 @@ def draw_faces(
 
 
 def colour_scale(value: Array) -> ScalarMappable:
-    """Colours from the least to the largest value; NaN is grey."""
+    """Colour scale from the least to the largest value; NaN is grey."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
@@ -108,7 +108,7 @@ def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
     axes.set_box_aspect(side, zoom=zoom)
 
 
-#: Motions are drawn this share of the part's largest dimension.
+#: The largest displacement is drawn as this share of the part's largest dimension.
 ENLARGED_SHARE = 0.08
 
 
@@ -184,14 +184,14 @@ def deformed_figure(
     return figure
 
 
-#: Share of the faces whose values are within the colours: a few at the site are far larger.
+#: Share of the faces whose values lie within the colour scale: a few at the site are far larger.
 COLOUR_QUANTILE = 0.98
 
 
 def draw_design(
     corners: Array, value: Array, label: str, path: str | os.PathLike[str] | None
 ) -> Figure | Path:
-    """Faces (F, 2 to 4, 3) [m] coloured by `value` (F,) about zero; NaN is grey."""
+    """Figure of faces (F, 2 to 4, 3) [m], coloured by `value` (F,) about zero; NaN is grey."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 

@@ -1,8 +1,8 @@
 """Default values of numbers that a user may leave out, shared by programs, scenes and pages.
 
 The cell size of a geometry is `default_size` of `antiosc.fem.mesh.reading`. The patch of a solid is
-the smallest that its facets resolve and that carries the force of the striker on a rigid wall,
-which no part exceeds. The duration is doubled until striker and part have separated.
+the smallest that its facets resolve and that carries the striker's force on a rigid wall, the
+largest possible one. The duration is doubled until striker and part have separated.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def _carrying_radius(
 
 
 def next_count(hit: History) -> int | None:
-    """The next number of anti-oscillators; None if they are enough or more would cost too much."""
+    """The next larger number of anti-oscillators; None if it is not needed or too expensive."""
     model = hit.model
     if hit.rerun is None or truncation_error(model, hit.rerun).peak_force <= MAX_TRUNCATION_ERROR:
         return None

@@ -36,7 +36,7 @@ class FreeSites:
     omega: Array
     phi: Array
     b: Array  # (P, J) displacement of each site in each mode [kg^-1/2]
-    #: compliance, inertia: (P,) b'y [m/N] and y'My of y = (K + shift M)^-1 b
+    #: compliance b'y [m/N] and inertia y'My (P,) of the deflection y = (K + shift M)^-1 b
     compliance: Array
     inertia: Array
 
@@ -52,7 +52,7 @@ def free_sites(
     most: float = math.inf,
     most_sites: int | None = None,
 ) -> FreeSites:
-    """The sites of a map and at most `most` free modes; other arguments as for `impact_map`."""
+    """Sites of a map, rigid-body modes, at most `most` elastic modes; the rest as `impact_map`."""
     with doing("finding the sites of the map"):
         map_sites = sites_of(matrices, where, direction, radius, most_sites)
 

@@ -71,7 +71,7 @@ DEFAULT_BAND_SHARE = 0.5
 MAX_MODES = 100
 #: Numbers of anti-oscillators that are tried if `n` is not given.
 OSCILLATOR_COUNTS = (12, 25, 50, 100)
-#: A site is doubtful if its force exceeds that on a rigid wall, to this tolerance, by this share.
+#: Tolerance of the force on a rigid wall; excess over this force that makes a site doubtful.
 WALL_TOL, WALL_MARGIN = 1e-3, 0.003
 #: Mean pressure of a contact that yields all over, over the yield strength (Tabor).
 FULLY_PLASTIC_PRESSURE_RATIO = 2.8
@@ -264,7 +264,7 @@ def _laws_and_exceptions(
 def _reduced_sites(
     sites: FreeSites, counts: Sequence[int], shift: float, band: float, accuracy: float
 ) -> tuple[SiteModels, Array]:
-    """(models with the first of `counts` that meets `accuracy`, their error bounds (P,))."""
+    """(models with the first number in `counts` that meets `accuracy`, error bounds (P,))."""
     of_sites = sites.omega, sites.b, sites.compliance, sites.inertia
     for n in counts:
         models = free_modes.site_models(*of_sites, n, shift)
@@ -392,7 +392,7 @@ def with_stresses(structure: Structure, impact_map: ImpactMap, most: int | None)
 
 
 def _yielded_radius(law: ContactLaw | None, force: float) -> float:
-    """Radius [m] of a yielding contact, the larger of Hertz's and the fully plastic one; else 0."""
+    """Radius [m] of a yielding contact, the larger of Hertz's and the fully plastic; 0 if none."""
     if not isinstance(law, ElasticPlastic) or not law.yield_force < force:
         return 0.0
     hertz = (force * law.radius**1.5 / law.stiffness) ** (1 / 3)

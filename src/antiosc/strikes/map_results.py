@@ -36,7 +36,7 @@ class ImpactMap(CompletedResult):
     Attributes
     ----------
     points, directions : (P, 3) sites [m] and unit vectors of the directions of impact.
-    elements : (T, 3) triangles between the points (or (T, 2) segments); empty for given points.
+    elements : (T, 3) triangles between the points (or (T, 2) segments); empty for sites at points.
     models : SiteModels
         Parameters k0, m0, m_st, omega, m of all sites; `model(i)` is one of them.
     local_compliance : (P,) half-space compliance of the patch [m/N], 0 for a point.
@@ -54,7 +54,7 @@ class ImpactMap(CompletedResult):
     peak_stress, exposure : (P,) largest von Mises stress [Pa] anywhere in the part for the impact
         at each site, and largest share of the yield strength, 1 at yield; NaN at sites where it is
         not computed; None if it was not requested, or no material has a yield_strength.
-    stress_points : (P, 3) place of the largest exposure, or stress if no strength is known [m].
+    stress_points : (P, 3) point [m] of the largest exposure, or stress if no strength is known.
     cell_dimension : dimension of the cells: 3 for solids, 2 for sheets.
     impactor, contact, duration : arguments of the impacts, or None; `contact` is the law on a flat
         face, `duration` the duration of all impacts [s].
@@ -114,7 +114,7 @@ class ImpactMap(CompletedResult):
     def areas(self) -> Array:
         """(P,) surface area of each site: a third of its triangles [m²], half of its segments [m].
 
-        For given points, which have no elements, 1 each.
+        1 each for sites at points, without elements.
         """
         if not len(self.elements):
             return np.ones(len(self))
@@ -270,7 +270,7 @@ def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:
 def hardest(
     impact_map: ImpactMap, sites: IntArray | None = None, values: Array | None = None
 ) -> int:
-    """The reliable site (of `sites`) with the largest of `values` (P,); default: peak force."""
+    """Number of the reliable site in `sites` with the largest of `values` (P,) or peak force."""
     values = impact_map.peak_force if values is None else values
     assert values is not None
     sites = trusted(impact_map, sites)
@@ -278,7 +278,7 @@ def hardest(
 
 
 def spread_sites(impact_map: ImpactMap, most: int) -> IntArray:
-    """At most `most` reliable sites: of largest force, then the farthest from those chosen."""
+    """At most `most` reliable sites: that of largest force, then the farthest from all chosen."""
     sites = trusted(impact_map)
     if len(sites) <= most:
         return sites

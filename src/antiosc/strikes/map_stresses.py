@@ -34,7 +34,7 @@ SITES_AT_ONCE = 16
 SAMPLE_PHASE = 0.4
 #: Least and largest number of sample times over the run.
 TIME_COUNT_LIMITS = (200, 3000)
-#: Tensors times times whose stresses are evaluated at once, to fit the cache.
+#: Number of tensors times number of instants evaluated at once, to fit the cache.
 VALUES_AT_ONCE = 200_000
 #: Relative rounding of the bounds in single precision.
 BOUND_ROUNDING = 1e-3
@@ -156,7 +156,7 @@ def _largest_stress(columns: Array, x: Array, weights: Array) -> tuple[float, in
 
     columns : (S, 5, B) stresses of the shapes; x : (n, B) their factors in time; weights : (S,).
 
-    Tensors are evaluated in the order of a bound on them, until it is below the largest stress.
+    Tensors are evaluated by descending bounds, until a bound is below the largest stress found.
     """
     rotated, y, bounds = _principal_rotation(columns, x)
     bounds *= weights

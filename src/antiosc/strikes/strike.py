@@ -77,13 +77,13 @@ TRUNCATION_SHARE, TIME_SHARE = 0.2, 0.05
 MIN_TIME_TOL, MAX_TIME_TOL = 1e-6, 1e-3
 #: First and largest number of anti-oscillators.
 INITIAL_COUNT, MAX_COUNT = 20, 300
-#: Least part of |weights| that a direction of amplitudes adds to the errors of cells.
+#: Amplitude directions with a smaller share of |weights| are left out of the errors of cells.
 NEGLIGIBLE_WEIGHT = 1e-8
 
 
 #: Simulates the impact on a model to a tolerance.
 RunFunction: TypeAlias = Callable[[AntiOscillators, float], History]
-#: Of all cells, or of groups of them.
+#: Element family of all cells, or group -> element family.
 Material: TypeAlias = Family | Mapping[str, Family]
 
 
@@ -173,8 +173,8 @@ def strike_to_tolerance(
 ) -> History:
     """The result of `strike`; arguments are as for `strike`, except:
 
-    run : the impact, `run(model, error in time)`; report : called with the answer on each mesh and
-    its site; asked : tolerance to name in messages, if it is not `tol`.
+    run : the impact, `run(model, error in time)`; report : called with the `MeshAnswer` on each
+    mesh and its site; asked : tolerance to name in messages, if it is not `tol`.
     """
     start_time = time.perf_counter()
     tol = checks.tolerance(tol)
@@ -314,7 +314,7 @@ def _first_mesh(
 
 @dataclass(frozen=True)
 class MeshAnswer:
-    """The result on one mesh."""
+    """The result on one mesh: histories, error budget, number of anti-oscillators and seconds."""
 
     structure: Structure
     raw: History  # of the raw model
@@ -327,7 +327,7 @@ class MeshAnswer:
 def answer_on_mesh(
     structure: Structure, site: Site, run: RunFunction, tol: float, n: int
 ) -> MeshAnswer:
-    """The answer on one mesh; the number of anti-oscillators is doubled until it is enough."""
+    """The `MeshAnswer` of a mesh; the number of anti-oscillators is doubled until it suffices."""
     accuracy = accuracy_of_steps(tol)
     limit = min(MAX_COUNT, structure.dofs - 1)
     n = min(n, limit)
@@ -351,7 +351,7 @@ def answer_on_mesh(
 def answer_with_n(
     structure: Structure, site: Site, run: RunFunction, accuracy: float, n: int
 ) -> MeshAnswer:
-    """The answer with `n` anti-oscillators, whatever their error; `accuracy`: of the time steps."""
+    """The `MeshAnswer` for `n` anti-oscillators, whatever the error; `accuracy`: of the steps."""
     structure.factorize()
     start_time = clock() - structure.seconds["factorization"]
     proof = not structure.matrices.dissipation()
@@ -374,7 +374,7 @@ def accuracy_of_steps(tol: float) -> float:
     return float(np.clip(TIME_SHARE * tol, MIN_TIME_TOL, MAX_TIME_TOL))
 
 
-#: Is told of an answer and its site.
+#: Function that is called with the answer on a mesh and its site.
 ReportAnswer: TypeAlias = Callable[[MeshAnswer, Site], None]
 
 

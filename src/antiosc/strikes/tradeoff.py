@@ -1,7 +1,7 @@
 """`tradeoff`: error of an impact against seconds and memory, and the cheapest sufficient method.
 
-Members are the meshes of `strike`, each with a few, more and enough anti-oscillators. Every member
-has the error bar of its own budget. The last mesh is the first whose bar is `BRACKETING_SHARE` of
+A member is a mesh of `strike` with one number of anti-oscillators: a few, more, or enough of them.
+Each has an error budget of its own. The last mesh is the first whose bar is `BRACKETING_SHARE` of
 the tolerance: the tolerance then lies between members, and the difference of each member to the
 finest is an error without an estimate. Seconds do not include the compiling and loading of finite
 elements, which is done once for all members and counted in `Tradeoff.compilation`.
@@ -65,8 +65,8 @@ if TYPE_CHECKING:
 
     from antiosc.fem.structure.meshed import MeshedStructure
 
-#: Numbers of anti-oscillators that are tried on every mesh besides the one that is enough, and the
-#: least ratio of that to them.
+#: Numbers of anti-oscillators tried on every mesh besides the sufficient number, and least ratio of
+#: the sufficient number to these.
 FEW_OSCILLATOR_COUNTS, LEAST_COUNT_RATIO = (3, 8, 20, 60), 2.5
 #: The last mesh has a bar of at most this share of the tolerance.
 BRACKETING_SHARE = 0.5
@@ -92,12 +92,12 @@ class TradeoffMember:
     difference: float = 0.0
     impulse: float = math.nan
     contact_time: float = math.nan
-    #: "antiosc", or of `Tradeoff.others` "unreduced", without bar (inf), n (0) and correction
+    #: "antiosc"; in `Tradeoff.others` "unreduced", with bar = inf, n = 0 and no correction
     method: str = "antiosc"
-    #: relative error bars of results; difference plus the finest bar where they are less
+    #: relative error bars of results, or `difference` plus the finest member's bar if larger
     bars: dict[str, float] = field(default_factory=dict)
     bar_with_law: float | None = None  # `bar` with the error of the law; None if unknown
-    #: proved relative error of the peak force by what the model leaves out; NaN if there is none
+    #: proved relative error of the peak force by modes left out of the model; NaN if not proved
     proved: float = math.nan
 
     @property
@@ -106,7 +106,7 @@ class TradeoffMember:
         return self.bars.get("peak_force", self.bar)
 
     def cells(self) -> tuple[str, ...]:
-        """The entries of its row in the table."""
+        """The entries of the member's row in the table."""
         return (
             *(self.method, self.family, engineering(self.size, "m"), f"{self.order}"),
             *(f"{self.dofs}", f"{self.n or '–'}", engineering(self.step, "s")),
@@ -122,7 +122,7 @@ class TradeoffMember:
         )
 
 
-#: What errors are drawn over, and the labels of these axes.
+#: Costs over which errors are drawn -> labels of the axes.
 COST_AXES = {"seconds": "time (s)", "gigabytes": "memory (GB)"}
 #: Names and widths of the columns of the printed table.
 TABLE_COLUMNS = {
@@ -153,7 +153,7 @@ class Tradeoff(Result):
     def best(self, tol: float | None = None, seconds: float | None = None) -> TradeoffMember:
         """The cheapest member whose bar is at most `tol`, or the most accurate within `seconds`.
 
-        Raises InputError unless one of the two is given, and if no member meets it.
+        InputError unless one of the two is set, or if no member meets it.
         """
         if (tol is None) == (seconds is None):
             raise InputError("best takes one of tol and seconds.")
@@ -196,7 +196,7 @@ class Tradeoff(Result):
 
     @property
     def message(self) -> str:
-        """The cheapest method within `tol`, or the smallest error bar if none is."""
+        """Text: the cheapest method within `tol`, or the smallest error bar if none is."""
         if self.status:
             smallest_bar = min(member.bar for member in self.table)
             sentence = f"The least bar is {100 * smallest_bar:.3g} %, tol {100 * self.tol:.3g} %."
@@ -221,7 +221,7 @@ class Tradeoff(Result):
         return {**tables, **super().numbers()}
 
     def summary(self) -> str:
-        """The table as text, with the other methods and the notes below."""
+        """The table as text, followed by the other methods and the notes."""
         rows = [tuple(TABLE_COLUMNS), *(member.cells() for member in (*self.table, *self.others))]
         return "\n".join([*map(line_of, rows), *self.notes])
 
@@ -382,7 +382,7 @@ class ComputedMember:
     member: TradeoffMember
 
     def compared_with(self, finest: ComputedMember) -> TradeoffMember:
-        """The member with its difference from `finest`, and with bars that cover this."""
+        """The member with its difference from `finest`, and with bars that cover the difference."""
         member = self.member
         by_name = relative_differences(finest.answer.hit, self.answer.hit)
         apart = max(by_name.values())
@@ -394,7 +394,7 @@ class ComputedMember:
         return replace(member, difference=apart, bar=bar, bars=bars)
 
     def unreduced(self, outcome: MethodOutcome, finest: History) -> TradeoffMember:
-        """The member of the unreduced model on the same mesh."""
+        """The member for the unreduced model on this mesh, with its difference from `finest`."""
         numbers = curve_results(outcome.curve)
         K = self.answer.structure.K
         stored_bytes = 0.0 if uses_cells(K) else BYTES_PER_MATRIX_ENTRY * stored_entries(K)
@@ -415,7 +415,7 @@ class ComputedMember:
 
 
 def _one_mesh_text(source: object, finest: ComputedMember, goal: float) -> str:
-    """Sentence on why there is only one mesh; "" if the history's message says it."""
+    """Sentence on why there is only one mesh; "" if the message of the history has it."""
     if isinstance(source, Structure):
         return "Only one mesh was tried, that of the given structure."
     bar = finest.member.bar

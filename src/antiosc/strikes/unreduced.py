@@ -132,7 +132,7 @@ def run_unreduced(
 
 
 def run_newmark(blow: UnreducedImpact) -> MethodOutcome:
-    """Newmark's average acceleration for all dofs, with an implicit contact force."""
+    """The outcome of Newmark's average acceleration for all dofs, with an implicit force."""
     structure = blow.structure
     start_time = clock() - structure.seconds["assembly"]
     process.require_memory(
@@ -148,7 +148,7 @@ def run_newmark(blow: UnreducedImpact) -> MethodOutcome:
 
 
 def _integrated_curve(blow: UnreducedImpact, A: Factorization) -> ContactCurve:
-    """All steps with the factor A of K + 4 M/h²."""
+    """The contact curve after all steps, with the factor A of K + 4 M/h²."""
     h = blow.step
     mass_matrix = blow.structure.M
     comm = blow.structure.comm

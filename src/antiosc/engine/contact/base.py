@@ -42,9 +42,9 @@ from antiosc.engine import library
 
 State = tuple[float, ...]
 
-#: Share of a force within which rounding may keep its iteration from settling.
+#: Relative change of a force by the last iteration up to which it counts as converged.
 FORCE_ROUNDING = 1e-9
-#: Ratio of two radii that are tried for a patch that carries a force, and how many are larger.
+#: Ratio of successive trial radii of a patch, and number of larger radii that are tried.
 RADIUS_RATIO, MOST_RADIUS_STEPS = 1.05, 150
 #: Force that such a patch must carry over that of too small a one, whose law ends in a line: in 60
 #: impacts on a spring, up to 790 times the range, the force grew by up to 21 %.
@@ -131,7 +131,7 @@ class ContactLaw(ABC):
         )
 
     def enough_radius(self, peak: float, radius: float | None) -> float | None:
-        """Least radius [m] of a patch whose `valid_force` exceeds a peak force [N]; else None.
+        """Least patch radius [m] at which `valid_force` exceeds a peak force [N]; None if unknown.
 
         radius : radius of the present patch [m].
         """
@@ -149,7 +149,7 @@ class ContactLaw(ABC):
 
     @property
     def theory(self) -> str:
-        """Name of the law in a sentence."""
+        """Name of the law, for use in a sentence."""
         return f"{type(self).__name__}'s law"
 
     def potential(self, delta: float, state: State) -> float:
@@ -211,7 +211,7 @@ class ContactLaw(ABC):
         return trial
 
 
-#: Share of a law's own flexibility that the compliance of a patch may take.
+#: Largest ratio of the subtracted patch compliance to the flexibility of the law.
 LARGEST_PATCH_SHARE = 0.7
 
 _ThreeDoubles = c_double * 3
@@ -224,7 +224,7 @@ class Compiled(Checked, ContactLaw):
     kind: ClassVar[int]
     #: numbers of the state
     size: ClassVar[int] = 0
-    #: parameters as the library takes them, where they are not the fields; without compliance
+    #: parameters for the C library without compliance, if they differ from the fields
     _parameters: list[float] | None = None
 
     def parameters(self) -> list[float]:
@@ -324,6 +324,6 @@ class Compiled(Checked, ContactLaw):
 
 
 def is_compiled(law: ContactLaw) -> TypeGuard[Compiled]:
-    """Whether the C library has this law; user subclasses do not count, as they may override."""
+    """Whether the C library has this law; no user subclasses, as they may override functions."""
     module = type(law).__module__
     return isinstance(law, Compiled) and module.startswith("antiosc.engine.contact.")

@@ -3,7 +3,7 @@
 | surfaces | law | source |
 |---|---|---|
 | a laminate | `YangSun` | S. H. Yang, C. T. Sun, ASTM STP 787 (1982) |
-| both flat, a of the smaller | `Punch`, 2 E* a | Johnson, (3.36) |
+| both flat, smaller radius a | `Punch`, 2 E* a | Johnson, (3.36) |
 | curved, a known loss | `Gonthier`, Hertz's stiffness | Multibody Syst. Dyn. 11 (2004) |
 | curved, a yield strength | `ElasticPlastic`, Hertz up to yield | that law's docstring |
 | curved, none | `Hertz`, elliptic where curvatures differ | Johnson, 4.1-4.2 |
@@ -164,7 +164,7 @@ def _strength(matter: Matter) -> float:
 def _elastic_share(
     soft: Matter, other: Matter, modulus: float
 ) -> tuple[float, tuple[float, float] | None]:
-    """(`elastic_share` of the law, its possible interval or None if exact); modulus: E* [Pa]."""
+    """(`elastic_share` of the law, bounds on it or None if it is exact); modulus: E* [Pa]."""
     largest_share = 0.0 if other.rigid else (1 - other.nu**2) / other.E * modulus
     ratio = _strength(other) / _strength(soft)
     if largest_share == 0.0 or ratio >= ELASTIC_STRENGTH_RATIO:
@@ -213,6 +213,6 @@ def _punch_choice(first: Surface, second: Surface, modulus: float) -> Choice:
 
 
 def elastic_pressure(law: ElasticPlastic, depth: float) -> float:
-    """Largest pressure [Pa] of the elastic contact that absorbs the work of `law` to a depth."""
+    """Largest pressure [Pa] of an elastic contact with the work of `law` up to a depth [m]."""
     elastic = (2.5 * law.loading_work(depth) / law.stiffness) ** 0.4
     return 2 * law.modulus / pi * sqrt(elastic / law.radius)

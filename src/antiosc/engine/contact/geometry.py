@@ -19,7 +19,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
 
 Radii = float | tuple[float, float]
-#: Plastic pressure of a line over that of a ball, less 1.
+#: Plastic pressure of a line contact over that of a ball, minus 1.
 LINE_PRESSURE = 0.06
 
 
@@ -144,14 +144,14 @@ def _curvatures(name: str, radii: Radii) -> tuple[float, float]:
     return values[0], values[1]
 
 
-#: Least distance from the axis over the radius: the formulas divide by it.
+#: Least distance from the axis over the contact radius: the formulas divide by this distance.
 LEAST_AXIS_DISTANCE = 1e-4
 #: Least depth over the radius: at the edge of the circle the formulas divide by 0 on the surface.
 LEAST_DEPTH = 1e-8
 
 
 def hertz_stresses(force: float, radius: float, nu: float, r: Array, z: Array) -> Array:
-    """Stresses [Pa] rr, tt, zz, rz (4, …) at r and depths z [m] under Hertz's pressure."""
+    """Stresses [Pa] rr, tt, zz, rz (4, …) at r and depths z [m] under a contact of `radius` [m]."""
     a = radius
     r, z = np.maximum(r, LEAST_AXIS_DISTANCE * a), np.maximum(z, LEAST_DEPTH * a)
     beyond = r**2 + z**2 - a**2

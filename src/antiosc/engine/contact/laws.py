@@ -54,7 +54,7 @@ def _range_check(text: str, fits: Callable[[float], bool]) -> Callable[[str, obj
     return check
 
 
-#: of a force that grows as delta^n
+#: exponent n of a force that grows as delta^n
 _checked_exponent = _range_check("1 <= n <= 10 (1 linear, 1.5 Hertz)", lambda n: 1 <= n <= 10)
 _checked_poisson = _range_check("0 <= nu < 0.5", lambda nu: 0 <= nu < 0.5)
 _checked_restitution = _range_check("0 < e <= 1", lambda e: 0 < e <= 1)
@@ -67,7 +67,7 @@ class PatchedLaw(Compiled):
 
     c is subtracted for a structure whose compliance contains the half-space compliance of a contact
     patch. At `valid_force` c is 0.7 of the flexibility of the law in loading or unloading. Beyond
-    this force the share 0.7 is kept, energies are approximate, and `simulate` raises AccuracyError.
+    this force c is limited to that share, energies are inexact, `simulate` raises AccuracyError.
     """
 
     compliance: float = field(
@@ -83,7 +83,7 @@ class PatchedLaw(Compiled):
 
 @dataclass(frozen=True, repr=False)
 class Power(Compiled):
-    """F = stiffness * delta^exponent.
+    """Contact law F = stiffness * delta^exponent.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class Power(Compiled):
 
 @dataclass(frozen=True, repr=False)
 class Linear(Compiled):
-    """F = stiffness * delta >= 0, a spring that can only push. `stiffness` in N/m."""
+    """Contact law F = stiffness * delta >= 0: a spring that only pushes. `stiffness` in N/m."""
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m"))
 
@@ -110,7 +110,7 @@ class Linear(Compiled):
 
 @dataclass(frozen=True, repr=False)
 class Punch(PatchedLaw, Linear):
-    """Law of a rigid flat punch on a half-space; a patch compliance above 0.7/stiffness is kept."""
+    """Law of a rigid flat punch on a half-space; only a patch compliance <= 0.7/k is subtracted."""
 
     def without(self, compliance: float) -> Self:
         return (
@@ -146,7 +146,7 @@ class Hertz(Compiled):
     compliance: float = field(default=0.0, metadata=checked_by(checks.nonnegative, "m/N"))
 
     kind: ClassVar[int] = library.HERTZ
-    #: rho at which the law with a compliance ends
+    #: rho up to which a law with a compliance is valid
     END: ClassVar[float] = LARGEST_PATCH_SHARE
 
     @checks.within_range
@@ -202,7 +202,7 @@ HERTZ_EXPONENT = 1.5
 
 @dataclass(frozen=True, repr=False)
 class _Damped(PatchedLaw):
-    """F = stiffness * delta^exponent * (1 + d * rate/v0), never negative.
+    """Base of damped laws: F = stiffness * delta^exponent * (1 + d * rate/v0), never negative.
 
     stiffness [N/m^exponent] > 0; restitution 0 < e <= 1; exponent >= 1 (1.5 as in Hertz's law).
     """
@@ -231,7 +231,7 @@ class _Damped(PatchedLaw):
 
 
 class HuntCrossley(_Damped):
-    """d = 3 (1 - e)/2. K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440-445."""
+    """Damping d = 3 (1 - e)/2. K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440-445."""
 
     @staticmethod
     def _factor(e: float) -> float:
@@ -239,7 +239,7 @@ class HuntCrossley(_Damped):
 
 
 class LankaraniNikravesh(_Damped):
-    """d = 3 (1 - e^2)/4. H. M. Lankarani, P. E. Nikravesh, J. Mech. Des. 112 (1990) 369-376.
+    """Damping d = 3 (1 - e^2)/4. H. Lankarani, P. Nikravesh, J. Mech. Des. 112 (1990) 369-376.
 
     Derived for e near 1: for e = 0.9, 0.7, 0.5 rigid bodies rebound with 0.91, 0.80, 0.73;
     `Gonthier` has no such limit.
@@ -251,7 +251,7 @@ class LankaraniNikravesh(_Damped):
 
 
 class Flores(_Damped):
-    """d = 8 (1 - e)/(5 e). P. Flores et al., Multibody Syst. Dyn. 25 (2011) 357-375.
+    """Damping d = 8 (1 - e)/(5 e). P. Flores et al., Multibody Syst. Dyn. 25 (2011) 357-375.
 
     For e = 0.9, 0.7, 0.5 rigid bodies rebound with 0.89, 0.68, 0.47.
     """
@@ -288,7 +288,7 @@ class Gonthier(_Damped):
 
 @dataclass(frozen=True, repr=False)
 class Hysteretic(PatchedLaw):
-    """Laws that yield: the state is (deepest indentation, turning point [m], lost energy [J])."""
+    """Base of laws that yield; state: (deepest indentation, turning point [m], lost energy [J])."""
 
     has_memory: ClassVar[bool] = True
     size: ClassVar[int] = 3
@@ -330,7 +330,7 @@ STRAIN_ERRORS = 0.45, 0.3
 
 @dataclass(frozen=True, repr=False)
 class ElasticPlastic(Hysteretic):
-    """Elastic, perfectly plastic sphere and flat: Hertz's law up to first yield, and beyond it.
+    """Law of an elastic, perfectly plastic sphere on a flat: Hertz's up to yield, then fitted.
 
     Parameters
     ----------
@@ -390,7 +390,7 @@ class ElasticPlastic(Hysteretic):
         return self.stiffness * self.yield_indentation**1.5
 
     def error_at(self, depth: float) -> tuple[float, float]:
-        """(relative error of force, error of restitution) at an indentation [m] with the patch's.
+        """(relative error of force, error of restitution) at an indentation [m], patch included.
 
         They are the largest differences from small-strain finite elements with nu = 0.2 to 0.45,
         elastic shares up to 0.74, without hardening and with E/50 (benchmarks/elastoplastic), at
@@ -416,7 +416,7 @@ class ElasticPlastic(Hysteretic):
 
 @dataclass(frozen=True, repr=False)
 class Thornton(Hysteretic):
-    """Elastic, perfectly plastic sphere. C. Thornton, J. Appl. Mech. 64 (1997) 383-386.
+    """Law of an elastic, perfectly plastic sphere. C. Thornton, J. Appl. Mech. 64 (1997) 383-386.
 
     For comparison only: against finite elements (benchmarks/elastoplastic) the force with a yield
     pressure of 1.6 Y is 19, 42, 57, 66, 72 % low at 3, 10, 30, 100, 300 yield indentations; with
@@ -454,7 +454,7 @@ class Thornton(Hysteretic):
 
 @dataclass(frozen=True, repr=False)
 class YangSun(Hysteretic):
-    """Indentation of laminates. S. H. Yang, C. T. Sun, ASTM STP 787 (1982) 425-449.
+    """Indentation law of laminates. S. H. Yang, C. T. Sun, ASTM STP 787 (1982) 425-449.
 
     F = stiffness delta^1.5 on loading and reloading, unloading with the power 2.5, with
     delta_p = delta_m [1 - (critical/delta_m)^(2/5)] beyond the critical indentation [m], else 0.
@@ -468,7 +468,7 @@ class YangSun(Hysteretic):
 
 
 class Tabulated(Hysteretic):
-    """Measured loading and unloading curves, interpolated monotonically (PCHIP).
+    """Law of measured loading and unloading curves, interpolated monotonically (PCHIP).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Contacts of bodies in given time steps: their forces at the end of a step, by their laws."""
+"""Contacts of bodies in fixed time steps: forces at the end of a step, by the contact laws."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class Contacts:
         return end
 
     def forces(self, free: Array, A: Array, rate: Array, A_rate: Array) -> Array:
-        """Forces (m,) [N] of closed contacts: F = law(free - A F, rate - A_rate F), by sweeps."""
+        """Forces (m,) [N] of closed contacts by iteration: F = law(free - A F, rate - A_rate F)."""
         F = np.zeros(len(free))
         active = self.closed_contacts()
 

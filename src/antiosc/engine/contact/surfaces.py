@@ -69,7 +69,7 @@ RIGID_MATTER = Matter(inf)
 
 
 def crack_note(sides: Iterable[Matter]) -> str:
-    """Sentence: cracks of the brittle sides of a contact are not computed; "" if none is."""
+    """Sentence: cracks of brittle sides of a contact are not computed; "" if no side is brittle."""
     names = dict.fromkeys(m.name or "the brittle side" for m in sides if m.tensile is not None)
     if not names:
         return ""
@@ -89,9 +89,9 @@ class Surface:
     #: (3,) unit vector of the first principal direction; None: not known, or none
     along: tuple[float, float, float] | None = None
     radius: float | None = None  # radius of the patch of the contact [m]; None: a point
-    #: radius [m] of the largest ball that touches there and meets the body nowhere else; inf: any
+    #: largest radius [m] of a ball that touches the body only at the contact; inf: no limit
     largest_ball: float = inf
-    #: (3,) the point of the body that a larger ball meets [m]; None without one
+    #: (3,) point [m] where a larger ball would also touch the body; None if there is no limit
     meets: tuple[float, float, float] | None = None
 
     def as_dict(self) -> dict[str, Any]:
@@ -127,7 +127,7 @@ def matter_of(
     nu: float | None = None,
     yield_strength: float | None = None,
 ) -> Matter | None:
-    """The properties of a material (name or object); given constants replace its own."""
+    """The properties of a material (name or object); constants other than None replace them."""
     if material is None:
         if E is None:
             return None
@@ -161,7 +161,7 @@ def matter_of(
 
 
 def density_of(material: object) -> float:
-    """Density [kg/m^3] of a material, given by name or as an object with `rho`."""
+    """Density [kg/m^3] of a material: a name, or an object with `rho`."""
     if isinstance(material, str):
         from antiosc.base import materials  # loaded where it is used
 

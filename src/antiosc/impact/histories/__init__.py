@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from antiosc.impact.histories.bars import ErrorBudget
 
 
-#: Width of the names of results.
+#: Width of the column of names in a summary.
 LABEL_WIDTH = 13
 #: Contacts of which a file lists the times.
 MAX_LISTED_CONTACTS = 10_000
@@ -50,13 +50,13 @@ class History(RunHistory, SavableResults):
     Attributes
     ----------
     error : estimated relative errors, the largest of all contacts: "force" (L2 norm and impulse)
-        and "peak"; empty if the step was given. With n="auto" also "truncation peak_force",
+        and "peak"; empty if the user set the step. With n="auto" also "truncation peak_force",
         "... impulse", "... contact_time".
     status : 0: completed; 1: completed, tol not met; 2: stopped before the end; 3: completed, but
         a contact is still closed at the end of the run: its contact time, impulse and peak force
         count up to there.
     message : explanation of the status, and changes made to contact laws.
-    given : the step [s] that was given, or None.
+    given : the step [s] set by the user, or None.
     structure : structure with the last mesh of `strike`, for `probe` and fields; not pickled.
     source : the scene or impact with its options, for `again`.
     budget : the `error_budget` of `strike`.
@@ -72,10 +72,10 @@ class History(RunHistory, SavableResults):
     def error_budget(self) -> ErrorBudget:
         """Error bars of peak force, impulse and contact time: mesh, truncation, time, patch, total.
 
-        They are relative errors, such as `hit.error_budget["peak_force"].total`; printed, they are
-        a table. The first use simulates the impact up to eight more times; the result is kept. For
-        a model extracted without `error="estimate"`, or a part that this refuses, it has all other
-        causes, and "mesh" is in `unknown`. InputError for a scene.
+        Bars are relative errors, such as `hit.error_budget["peak_force"].total`; `print` shows them
+        as a table. The first use simulates the impact up to eight more times; the result is kept.
+        If the model was extracted without `error="estimate"`, or has no such estimate, the mesh
+        error is missing and "mesh" is in `unknown`. InputError for a scene.
         """
         if self.budget is not None:
             return self.budget
@@ -99,7 +99,7 @@ class History(RunHistory, SavableResults):
         """The same run with other numbers, by `simulate` or `Scene.run`.
 
         `velocity` [m/s] is that of the impactor, or of a structure that moves toward an obstacle.
-        For a scene, `model` and `velocity` are dicts by names of bodies, `law` by the two ends.
+        For a scene, `model` and `velocity` are dicts by body name, `law` by pairs of site names.
         """
         if self.source is None:
             raise InputError(
@@ -197,7 +197,7 @@ class History(RunHistory, SavableResults):
 
     @property
     def explanation(self) -> str:
-        """The message and `unfinished`."""
+        """`message`, with any re-contact warning."""
         return f"{self.message} {self.unfinished}".rstrip()
 
     @property
@@ -280,7 +280,7 @@ class History(RunHistory, SavableResults):
     @property
     def stretch_texts(self) -> list[str]:
         """Sentences on bodies with second-order forces and the number of their modes, and on a thin
-        solid without them."""
+        solid without such forces."""
         if left_out := self.assembly.omitted_stretch_ratio:
             energy = f"the energy of second-order strain is {percent(left_out)} of that of its"
             return [f"'structure' is taken as linear: {energy} motion at the largest force"]
@@ -322,7 +322,7 @@ class SceneHistory(History):
 
 
 def with_model(hit: History, model: object) -> History:
-    """The same history with another record of the structure's model."""
+    """The same history, in which `model` replaces the model of the structure."""
     structure = hit._ends[0]
     bodies = {**hit.assembly.bodies, structure.name: replace(structure, body=model)}
     return replace(hit, assembly=replace(hit.assembly, bodies=bodies))

@@ -12,25 +12,25 @@ from antiosc.impact.histories.parts import contacts_of_main
 
 #: Quantities of an impact that have bars, and their units.
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
-#: That of the displacement of the site, which has a bar of its own beside these.
+#: Name of the largest displacement of the site, which has a separate error bar.
 DEFLECTION = "deflection"
 BAR_UNITS = {**QUANTITIES, DEFLECTION: "m"}
-#: What a cause adds that does not apply.
+#: Errors due to a cause that does not apply.
 ZERO_ERRORS = dict.fromkeys(BAR_UNITS, 0.0)
-#: Causes of error, in the order in which they are told.
+#: Causes of error, in the order in which they are printed.
 CAUSES = ("mesh", "truncation", "time", "patch", "noise", "stretch", "law")
 #: Why a contact time has no bar.
 UNCERTAIN_CONTACTS_TEXT = "no error bar: the number of its contacts is uncertain"
-#: In place of a bar that would lack a cause, which may be the largest one.
+#: Printed instead of a bar that would lack a cause, which may be the largest one.
 NO_BAR_TEXT = "no error bar"
-#: Behind a bar for a law of the caller's, whose error he alone knows.
+#: Printed after a bar if the user gave the law, whose error is unknown here.
 GIVEN_LAW_TEXT = " (law as given)"
-#: A side of a bar with which nothing is left of a quantity, as text; page.js has the same.
+#: Text of a lower error of 100 %, with which a quantity may be 0; page.js has the same.
 WHOLE_SIDE_TEXT = percent(1.0)
-#: Those that are told only of models that were measured, and of parts that stretch.
+#: Causes printed only for measured models, and for bodies with second-order forces.
 RARE_CAUSES = ("noise", "stretch")
-#: Shares that are smaller than this error, and than this part of the bar, are told as one sum;
-#: others always, so that a bar tells whether the contact's law is in it.
+#: Causes with less than this error and less than this share of the bar are printed as one sum,
+#: except those in `ALWAYS_SHOWN_CAUSES`.
 SMALL_CAUSE_SHARE, SMALL_CAUSE_ERROR = 5e-3, 0.1
 ALWAYS_SHOWN_CAUSES = ("law", *RARE_CAUSES)
 
@@ -69,16 +69,16 @@ class ErrorBar:
 class ErrorBudget(Mapping[str, ErrorBar]):
     """The error bars of "peak_force", "impulse" and "contact_time".
 
-    Without the error of the "mesh" or of the "law" there is no bar. If the user gave the law, the
+    If the error by "mesh" or "law" is unknown, there is no bar. If the user gave the law, the
     bars hold for this law.
     """
 
-    #: bars by quantity; also "deflection" (not in the mapping), the largest one of a held site
+    #: quantity -> bar; "deflection" (largest, of a supported site) is not in the mapping
     bars: Mapping[str, ErrorBar]
     energy_error: float  #: share of strain errors in the strain energy, mean over the contact
     notes: tuple[str, ...] = ()  #: errors that the bars do not include, and reasons for doubts
     safety: float = 2.0  #: factor of the mesh's bars over the differences to the corrected model
-    #: reasons by name of an unknown cause (0 in the bars), or of a quantity that was not comparable
+    #: name of an unknown cause (0 in the bars) or of an incomparable quantity -> reason
     unknown: Mapping[str, str] = field(default_factory=dict)
     #: e of an impact with the impulse m v (1 + e) on a part at rest; None for others and e < 0
     restitution: float | None = None
@@ -134,12 +134,12 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def numerical(self) -> float:
-        """Sum of all causes except the contact law, the largest of the three quantities."""
+        """Sum of all causes except the contact law; the largest sum of the three quantities."""
         return max(bar.numerical for bar in self.values())
 
     @property
     def rest_of_force(self) -> float | None:
-        """Relative error of the peak force without truncation; None without an error bar."""
+        """Error bar of the peak force minus its truncation error; None without an error bar."""
         bar = self.bars["peak_force"]
         return None if self.no_bar else bar.known - bar.truncation
 
@@ -181,17 +181,17 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def no_bar(self) -> bool:
-        """Whether a cause that may be the largest, the law or the mesh, is unknown."""
+        """Whether the error of the law or of the mesh, which may be the largest, is unknown."""
         return "mesh" in self.unknown or any(bar.law is None for bar in self.values())
 
     @property
     def law(self) -> str:
-        """Reason why the error of the contact law is not in the bars; "" if it is."""
+        """Reason why the bars lack the error of the contact law; "" if they include it."""
         return self.unknown.get("law", "")
 
     @property
     def condition(self) -> str:
-        """Text to follow a bar that holds for the given law; "" for other bars."""
+        """Text printed after a bar that excludes the error of the law; "" for other bars."""
         return GIVEN_LAW_TEXT * bool(self.law)
 
     @property
@@ -269,7 +269,7 @@ def are_comparable(first: Any, second: Any) -> bool:
     return contacts_of_main(first) == contacts_of_main(second)
 
 
-#: Of what a contact time is, where the impact has several contacts and no other follows.
+#: Text on a contact time, if all of several contacts belong to the main impact.
 OF_ALL_CONTACTS = "of all contacts, flights included"
 
 
@@ -286,7 +286,7 @@ def contact_time_note(result: Any) -> str:
 
 
 def relative_changes(first: Any, second: Any) -> dict[str, float]:
-    """`relative_differences`; for incomparable contact times, the larger of the other two."""
+    """`relative_differences`; incomparable contact times get the larger of the other two."""
     found = relative_differences(first, second)
     if not are_comparable(first, second):
         found["contact_time"] = max(found["peak_force"], found["impulse"])
@@ -301,7 +301,7 @@ def relative_changes_with_site(first: Any, second: Any) -> dict[str, float]:
 
 
 def with_floor(errors: Mapping[str, float]) -> dict[str, float]:
-    """The errors, raised to at least `MIN_ERROR_SHARE` times the largest of three quantities."""
+    """The errors, raised to at least `MIN_ERROR_SHARE` times the largest of the three."""
     worst = max(errors[name] for name in QUANTITIES)
     return {name: max(error, MIN_ERROR_SHARE * worst) for name, error in errors.items()}
 

@@ -19,7 +19,7 @@ from antiosc.impact.states import contact_intervals, modal_loads, node_states, s
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Energy(ReprMixin):
-    """Energies [J] at the nodes of a history, each (n,), and the error of their balance.
+    """Energies [J] at the time nodes of a history, each (n,), and the error of their balance.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ def replayed_energies(
 ) -> tuple[Array, Array, Array]:
     """(recoverable energy [J], accumulated plastic loss [J], damping force [N]), each (n,).
 
-    force, depth : (n,) of one contact at the nodes. spans, speeds : first and last node, and
+    force, depth : (n,) of one contact at time nodes. spans, speeds : first and last node, and
     closing speed [m/s], of each touch. earlier : state at the end of an earlier run.
     """
     stored, plastic, damping = (np.zeros(depth.size) for _ in range(3))
@@ -104,7 +104,7 @@ def replayed_energies(
 
 
 def _replayed_touch(law: Compiled, depth: Array, state: State) -> tuple[Array, Array, State]:
-    """(recoverable energy, loss at each node [J], (n,); final state) of one touch."""
+    """(recoverable energy, loss at each time node [J], (n,); final state) of one touch."""
     deepest_before = np.maximum.accumulate(np.append(state[1], depth[1:-1]))
     is_deeper = np.append(False, depth[1:] > deepest_before)
     stored = law.energies(depth, state)
@@ -149,7 +149,7 @@ def path_work(force: Array, displacement: Array) -> Array:
 
 
 def impulses(time: Array, force: Array) -> Array:
-    """Integrals (n - 1, m) from node to node of forces (n, m) that are parabolic in each step."""
+    """Time integrals (n - 1, m) between nodes of forces (n, m) that are parabolic in each step."""
     f0 = force[:-2:2]
     f1 = force[1:-1:2]
     f2 = force[2::2]
@@ -164,7 +164,7 @@ SHORT_PHASE = 0.05  # phase of a mode over a step, below which the trapezoidal r
 
 
 def energy_balance(assembly: Assembly, run: Run) -> Energy:
-    """Energies at the nodes of a run, and the error of their balance."""
+    """Energies at the time nodes of a run, and the error of their balance."""
     a = assembly
     stored, losses = contact_energies(a, run)
 
@@ -210,7 +210,7 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
 def _cumulative_work_and_losses(
     a: Assembly, run: Run, mechanical: Array, work: Array, losses: Array
 ) -> tuple[Array, Array]:
-    """(work of loads, damping losses) [J] up to each node; in flight by the energy balance."""
+    """(work of loads, damping losses) [J] up to each time node; in flight by energy balance."""
     if not (np.any(work) or a.system.damped):
         return np.zeros(run.time.size), np.zeros(run.time.size)
     damped = a.system.damped
@@ -228,7 +228,7 @@ def _cumulative_work_and_losses(
 
 
 def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
-    """Energy (n - 1,) that modal damping dissipates from node to node, at any step length.
+    """Energy (n - 1,) that modal damping dissipates between time nodes, at any step length.
 
     It is the work of a modal force that is parabolic in time, minus the energy that the mode gains.
     Integration by parts needs the integrals of q and t q, which follow from the equation of motion.
@@ -266,7 +266,7 @@ def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
 
 
 def _load_work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
-    """Work (n - 1,) of the modal loads from node to node, by parts, at any step length."""
+    """Work (n - 1,) of the modal loads between time nodes, by parts, at any step length."""
     time = run.time
     force = run.force
     system = a.system
@@ -284,7 +284,7 @@ def _load_work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
 
 
 def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
-    """Recoverable energy and losses of all contacts at the nodes."""
+    """Recoverable energy and losses (n,) [J] of all contacts together at the time nodes."""
     stored = np.zeros(run.time.size)
     losses = np.zeros(run.time.size)
 

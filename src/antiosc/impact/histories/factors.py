@@ -1,4 +1,4 @@
-"""Factors of a body's shapes in its motion: displacements and their time derivatives.
+"""Factors by which a body's shapes add up to its motion, and their time derivatives.
 
 The equations of motion in modal coordinates give the accelerations from the displacements, the
 velocities and the forces; nothing is differentiated numerically.
@@ -16,9 +16,9 @@ from antiosc.impact.histories.parts import BodyHistory
 from antiosc.models.modal import ModalBody, SiteModes
 from antiosc.models.stretch import Stretch, stretch_of
 
-#: What knows the motion of a body.
+#: Objects from which the motion of a body is evaluated.
 AnyHistory = RunHistory | BodyHistory
-#: Times whose motion is in the memory together.
+#: Number of times whose motion is in memory at once.
 TIMES_AT_ONCE = 2000
 
 
@@ -62,7 +62,7 @@ def checked_times(history: AnyHistory, times: ArrayLike | None) -> Array:
 
 
 def _motion_at(history: AnyHistory, times: Array, body: str) -> BodyHistory:
-    """Motion of a body at `times`; a BodyHistory has its own times."""
+    """Motion of a body at `times`; a BodyHistory is returned as it is, at its own times."""
     if isinstance(history, BodyHistory):
         return history
     return history.at(times)[history.name_of(body)]
@@ -121,7 +121,7 @@ def spring_amplitudes(history: AnyHistory, times: Array, body: str) -> list[Arra
 
 
 def unit_energy_factors(modes: ModalBody | SiteModes) -> tuple[Array, int]:
-    """Factors (2, B) that scale each elastic mode's shapes to q'Kq = 1, and to q'Mq = 1."""
+    """(factors (2, B) of the shapes for elastic modes of q'Kq = 1, q'Mq = 1; number of modes)."""
     elastic = modes.omega > 0
     q = np.vstack([np.where(elastic, 1 / np.where(elastic, modes.omega, 1.0), 0.0), elastic])
     return _factors_of_displacements(modes, q), int(elastic.sum())

@@ -17,14 +17,14 @@ SMALL_ROTATION = 0.1
 #: Deflection over the thickness of a sheet that is held all around, up to which linear theory
 #: holds: at a clamped circle's half thickness stretching adds 11 % to the force, 1 + 0.443 (w/h)².
 LINEAR_DEFLECTION_RATIO = 0.5
-#: The same up to which forces to third order hold (measured).
+#: Ratio of deflection to thickness up to which third-order forces are valid (measured).
 THIRD_ORDER_DEFLECTION_RATIO = 3.0
 #: The same from which the force may change by 0.3 %: 1.85 (w/h)² of a disc with a hinged edge that
 #: does not move (S. Timoshenko, S. Woinowsky-Krieger, *Theory of Plates and Shells*, table 82).
 SLIGHT_DEFLECTION_RATIO, SLIGHT_FORCE_CHANGE = 0.04, 3e-3
-#: Change of the force by second-order strain from which a curved sheet is told.
+#: Relative change of the force by second-order strain from which a curved sheet is reported.
 CURVED_FORCE_CHANGE = 0.1
-#: Looks at a run in a period of the lowest mode, as a flight is one step, and at most in all.
+#: Samples in a period of the lowest mode (a flight is only one step), and largest total number.
 SAMPLES_PER_PERIOD, MAX_SAMPLES = 32, 4096
 STRETCH_REMEDY = 'take the stretch "auto" of extract, which has these forces'
 EXPLICIT_REMEDY = "analyse it by an explicit finite element program"
@@ -114,7 +114,7 @@ def sheets_of_run(history: RunHistory, supported: bool = False) -> Iterator[tupl
             yield name, h
 
 
-#: Deflections of runs by bodies: texts, bars and choices ask for the same ones.
+#: Cache: run -> {body: largest deflection}.
 _known_deflections: WeakKeyDictionary[RunHistory, dict[str, float]] = WeakKeyDictionary()
 
 

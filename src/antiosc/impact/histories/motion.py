@@ -52,7 +52,7 @@ class RunHistory(OneContact):
     structure: object = None
     enclosures: tuple[Enclosure, ...] = ()
 
-    #: Whether every contact and body has a name; else they are a structure and an impactor.
+    #: Whether contacts and bodies have names given by the user (a scene).
     named: ClassVar[bool] = False
 
     # -- at the nodes
@@ -72,7 +72,7 @@ class RunHistory(OneContact):
 
     @cached_property
     def bodies(self) -> dict[str, BodyHistory]:
-        """Histories of the bodies by name, at the nodes."""
+        """Histories of the bodies by name, at the time nodes."""
         run = self._record.nodes
         a = self.assembly
         q, v = node_states(run, a.system)
@@ -116,7 +116,7 @@ class RunHistory(OneContact):
 
     @property
     def step(self) -> float:
-        """Step during contact [s]: the given one, or the mean."""
+        """Time step during contact [s]: the step set by the user, or the mean step."""
         if self.given is not None:
             return self.given
 
@@ -127,12 +127,12 @@ class RunHistory(OneContact):
 
     @property
     def model(self) -> Any:
-        """The body at the first end of the contact: the structure of `simulate`."""
+        """The body at the first site of the contact: the structure of `simulate`."""
         return self._ends[0].body
 
     @property
     def impactor(self) -> Any:
-        """The body at the second end of the contact."""
+        """The body at the second site of the contact."""
         return self._ends[1].body
 
     @property
@@ -148,14 +148,14 @@ class RunHistory(OneContact):
         return self._free_structure.angular_momentum(inertia.centre)
 
     def force_at(self, t: ArrayLike) -> Array:
-        """Contact force [N] at times (n,): the parabolas between the nodes."""
+        """Contact force [N] at times (n,): parabolic between the time nodes."""
         steps = steps_at(self.run, self._times_in_run(t))
         return np.maximum(contact_forces(self.run, *steps)[:, self._row], 0.0)
 
     # -- at any time
 
     def at(self, times: ArrayLike) -> dict[str, BodyHistory]:
-        """The bodies by name at times (n,) [s] of the run, exact also between the nodes.
+        """The bodies by name at times (n,) [s] of the run, exact also between the time nodes.
 
         In flight the nodes may be far apart: do not interpolate between them.
         """
@@ -227,7 +227,7 @@ class RunHistory(OneContact):
 
     @cached_property
     def _record(self) -> SceneRun:  # type: ignore[override]
-        """The run that all contacts share; for two bodies, with additional nodes in flight."""
+        """The run that all contacts share; for two bodies, with more time nodes in flight."""
         return SceneRun(self.assembly, self.run, not self.named, self.enclosures)
 
     @property
@@ -260,7 +260,7 @@ class RunHistory(OneContact):
 
     @cached_property
     def _sites(self) -> Array:
-        """Displacements and velocities of both ends of the only contact, along it: (4, n)."""
+        """Displacements and velocities of both sites in contact, along the contact: (4, n)."""
         a = self.assembly
         run = self._record.nodes
         rows = np.zeros((len(a.stacked.r), 2))

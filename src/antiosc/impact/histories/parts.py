@@ -73,12 +73,12 @@ class OneContact:
 
     @property
     def time(self) -> Array:
-        """Nodes (n,) [s]: starts, middles and ends of the steps."""
+        """Time nodes (n,) [s]: starts, middles and ends of the steps."""
         return self._record.nodes.time
 
     @cached_property
     def force(self) -> Array:
-        """Contact force (n,) [N], >= 0, at the nodes: a parabola over the three nodes of a step."""
+        """Contact force (n,) [N], >= 0, at the time nodes: a parabola through 3 in a step."""
         # a release is located to a small share of the depth: a spring may pull by as little
         return np.maximum(self._record.nodes.force[:, self._row], 0.0)
 
@@ -89,7 +89,7 @@ class OneContact:
 
     @property
     def law(self) -> ContactLaw:
-        """The given or chosen law of the contact, before patch compliances are subtracted."""
+        """The law of the contact before patch compliances are subtracted."""
         return self._record.assembly.scene.contacts[self._row].law
 
     @property
@@ -101,7 +101,7 @@ class OneContact:
 
     @property
     def deepest(self) -> float:
-        """Largest indentation [m], including the patches' if the law in the run omits it."""
+        """Largest indentation [m]; patch indentation subtracted from the law is added back."""
         marched = self._record.assembly.laws[self._row]
         compliance = marched.compliance if self.law.compliance == 0.0 else 0.0
         return float(max(self.indentation.max(), 0.0)) + compliance * self.peak_force
@@ -114,7 +114,7 @@ class OneContact:
 
     @property
     def peak_force(self) -> float:
-        """Largest contact force [N] of the run, also between the nodes."""
+        """Largest contact force [N] of the run, also between the time nodes."""
         return float(self._numbers.peak)
 
     @property
@@ -148,7 +148,7 @@ class OneContact:
         supported structure has no rigid-body motion at its site; the coefficient is then the
         rebound speed of the impactor divided by its speed of approach. If it is negative, these
         motions still approach after the last release, and the bodies will touch again: lengthen the
-        duration. None without a contact, with a contact at the end, or if they did not approach.
+        duration. None without a contact, with a contact at the end, or without an approach.
         """
         restitution = float(self._numbers.restitution)
         return None if isnan(restitution) else restitution
@@ -162,7 +162,7 @@ class OneContact:
 
     @cached_property
     def cumulative_impulse(self) -> Array:
-        """Time integral of the force from the start up to each node [N s], (n,)."""
+        """Time integral of the force from the start up to each time node [N s], (n,)."""
         areas = impulses(self.time, self._record.nodes.force[:, [self._row]])
         return np.append(0.0, np.cumsum(areas))
 
@@ -174,7 +174,7 @@ class OneContact:
 
     @cached_property
     def _numbers(self) -> library.CNumbers:
-        """The numbers of the contact and of each of its touches."""
+        """Scalar results of the contact and of each of its touches, by the C library."""
         run = self._record.run
         a = self._record.assembly
         touches, goes_on = self._touch_records
@@ -202,11 +202,11 @@ class OneContact:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactHistory(OneContact, ReprMixin):
-    """One contact of a history: its force at the nodes, and its numbers.
+    """One contact of a history: force over time and scalar results.
 
     Attributes
     ----------
-    ends : the names of its ends.
+    ends : names of the two sites in contact.
     """
 
     ends: tuple[str, str]
@@ -220,7 +220,7 @@ class ContactHistory(OneContact, ReprMixin):
         return self._record.nodes.force[:, self._record.assembly.system.friction_rows[self._row]]
 
     def pulses(self) -> tuple[Array, Array]:
-        """(times (n,) [s] of the nodes of all touches, forces (n,) [N] there)."""
+        """(time nodes (n,) [s] of all touches, forces (n,) [N] there)."""
         run = self._record.run
         nodes = [np.zeros(0, dtype=int)]
         steps = zip(self._touch_records[0]["first"], self._touch_records[0]["last"], strict=True)
@@ -263,7 +263,7 @@ class BodyHistory(ReprMixin):
     stretched: Stretch | None = None
 
     def displacement(self, site: str = "", direction: ArrayLike | None = None) -> Array:
-        """Displacement (n,) [m] of a site, in the direction in which the contact pushes it.
+        """Displacement (n,) [m] of a site along `direction`; default: that of contact forces.
 
         For a supported body it counts from its equilibrium under gravity, without the static
         deflection under its own weight.
@@ -275,7 +275,7 @@ class BodyHistory(ReprMixin):
         return np.asarray(self.v @ (self.placed.modes.B @ self._row(site, direction)))
 
     def acceleration(self, site: str = "", direction: ArrayLike | None = None) -> Array:
-        """Acceleration (n,) [m/s^2] of a site relative to the ground, without its massless part.
+        """Acceleration (n,) [m/s^2] of a site relative to the ground, without residual compliance.
 
         It may jump at a touch or a release.
         """

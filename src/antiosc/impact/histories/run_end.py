@@ -16,9 +16,9 @@ from antiosc.engine.march import Converged, Run, stop_text
 from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
 
-#: Messages of a run that ended as asked, and of one in which no contact closed.
+#: Messages of a run that was completed, and of a run without contact.
 COMPLETED_MESSAGE, UNTOUCHED_MESSAGE = "Completed.", "Never touched"
-#: Contacts, and scenes of a batch, that a message names.
+#: Largest number of contacts, and of scenes of a batch, that a message names.
 _MAX_NAMED = 5
 
 
@@ -108,7 +108,7 @@ def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
 
 
 def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
-    """Reason why nothing touched, perhaps a wrong sign; "" if something touched."""
+    """Reason why nothing touched, such as a wrong sign; "" if something touched."""
     system = assembly.system
     if ended.touches or np.any(system.start_forces):
         return ""
@@ -153,7 +153,7 @@ def scenes_text(scenes: Sequence[int], size: int, worst: int) -> str:
 
 
 def warn_of_batch(results: Sequence[tuple[int, str]], needed_radii: Sequence[float]) -> None:
-    """Warn once for each status of a batch, by the scene that needs the largest radius [m]."""
+    """Warn once per status, with the message of the scene that needs the largest radius [m]."""
     kinds: dict[int, list[int]] = {}
     for i, (status, message) in enumerate(results):
         if message != COMPLETED_MESSAGE:

@@ -10,11 +10,10 @@ from antiosc.base._types import Array
 from antiosc.impact.histories.motion import RunHistory
 from antiosc.models.modal import ModalBody
 
-#: Times of a run, and of its contacts, at which the displacement is looked for first; times that
-#: are then looked at beside each of the largest of these (within 1e-6 of 20 000 times, measured).
+#: Number of times at which displacements are evaluated first, number of peaks around which they
+#: are refined, and times for each peak (within 1e-6 of 20 000 times, measured).
 TIME_COUNT, MAX_PEAKS, TIMES_PER_PEAK = 400, 8, 60
-#: First duration of an impact [s] that lasts until its bodies have parted, and the largest one over
-#: it.
+#: First duration [s] of a run that is extended until the bodies have parted; largest ratio to it.
 INITIAL_DURATION, LONGER = 1e-3, 32
 
 

@@ -20,7 +20,7 @@ from antiosc.models.anti_oscillators import FORMAT_VERSION, read_model_file, wri
 
 #: The format of a file of results.
 FILE_FORMAT = "antiosc-history"
-#: Endings of tables, which `save` does not write.
+#: Suffixes of table formats, which `save` does not write.
 TABLE_ENDINGS = {".csv", ".json", ".txt", ".xlsx", ".mat"}
 #: Largest table that is loaded, bytes.
 MAX_TABLE_BYTES = 2**30
@@ -81,7 +81,7 @@ class SavableResults(ReprMixin):
         """Write the table and the single results to one NumPy `.npz` file; see `load`.
 
         Models and fields are not stored: pickle the history for them. InputError if the file cannot
-        be written, or has the ending of a table.
+        be written, or has the suffix of a table format.
         """
         target = checks.path("path", path)
         table = self.columns()

@@ -21,7 +21,7 @@ from antiosc.impact.histories.parts import OneContact
 from antiosc.impact.scene_parts import find_site
 from antiosc.models.body import choice_at_sites, site_points
 
-#: Radii of a contact that the margin of a solid leaves out about it. There Hertz's von Mises stress
+#: Radius excluded from the margin of a solid, in contact radii. There Hertz's von Mises stress
 #: is 4 % of its largest on the surface and 17 % below the contact (nu = 0.3; Johnson, *Contact
 #: Mechanics*, 3.4), and the plastic zone of a full dent has 2 to 3 radii (6.3).
 PLASTIC_ZONE_RADII = 3.0
@@ -57,7 +57,7 @@ def yield_share(contact: OneContact) -> float | None:
 
 
 def _law_with_yield(contact: OneContact) -> ElasticPlastic | None:
-    """The elastic-plastic law of a contact, given or by its surfaces; None if there is none."""
+    """Elastic-plastic law of a contact, or the one chosen from its surfaces; None if none."""
     law = contact.law
     if not isinstance(law, ElasticPlastic):
         choice = law_choice(contact) if isinstance(law, Hertz) else None
@@ -70,7 +70,7 @@ class ContactZone(NamedTuple):
 
     point: Array  # (3,) [m]
     radius: float  # of the contact [m]
-    #: radius [m] of what carries its force in the model; inf: modes of the whole body do
+    #: radius [m] over which the model spreads the force; inf: over modes of the whole body
     patch: float
     force: float  # the largest [N]
     nu: float
@@ -78,15 +78,15 @@ class ContactZone(NamedTuple):
 
     @property
     def ball(self) -> Array:
-        """Ball (x, y, z, radius) [m] around the contact in which a solid's margin is not judged."""
+        """Ball (x, y, z, radius) [m] around a contact, excluded from a solid's strength margin."""
         return np.append(self.point, PLASTIC_ZONE_RADII * self.radius)
 
     def spread(self, patch: float, distance: Array) -> Array:
         """Effect of spreading the force over a larger circle of radius `patch` [m].
 
-        Returns the largest von Mises stress [Pa] of the difference at distances (n,) [m] from the
-        contact: for a half-space that of Hertz's pressure; for a sheet that of bending, in which a
-        point load acts like a circle of radius 0.325 thicknesses (Westergaard).
+        Returns the largest von Mises stress [Pa] of the stress change at distances (n,) [m] from
+        the contact: by Hertz's pressure on a half-space, or by bending of a sheet, where a point
+        load acts like a circle of radius 0.325 thicknesses (Westergaard).
         """
         if self.thickness:
             least = max(self.radius, POINT_CIRCLE_RATIO * self.thickness)
@@ -106,7 +106,7 @@ class ContactZone(NamedTuple):
 
 
 def contact_zones(contacts: Iterable[OneContact], body: str) -> list[ContactZone]:
-    """The surroundings of the contacts of a body whose radius is known."""
+    """The surroundings of a body's contacts, without contacts of unknown radius."""
     zones = []
     for contact in contacts:
         size = _contact_size(contact)
@@ -151,7 +151,7 @@ def unknown_dent(contact: OneContact) -> str:
 
 
 def yield_sentence(contact: OneContact) -> str:
-    """Sentence on whether the contact yields and its dent; "" if nothing is known."""
+    """Sentences on yielding, dent and cracks of the contact; "" if nothing is known."""
     return " ".join(
         filter(None, [_yields_sentence(contact), crack_note(_contact_materials(contact))])
     )
@@ -199,7 +199,7 @@ def law_text(contact: OneContact) -> str:
 
 
 def law_error_text(contact: OneContact) -> str:
-    """Text: error of the peak force due to a law chosen by "auto"; "" for a given law."""
+    """Text: error of the peak force due to a law chosen by "auto"; "" for the user's law."""
     choice = law_choice(contact)
     if choice is None or choice.law != contact.law or not contact.peak_force > 0:
         return ""
@@ -236,7 +236,7 @@ def _law_sentence(contact: OneContact, law: ElasticPlastic) -> str:
     )
 
 
-#: Bodies of an impact of two -> their words in a sentence.
+#: Names of the bodies of `simulate` -> words for them in a sentence.
 BODY_WORDS = {"structure": "the part", "impactor": "the striker"}
 
 

@@ -66,8 +66,8 @@ def body_energy(history: History, body: str) -> BodyEnergy:
 def vibration_share(history: History) -> float:
     """Share of the initial kinetic energy that remains as vibration of all bodies.
 
-    After a contact without losses it is the loss that slows the rebound of a sphere from a plate
-    (C. Zener, Phys. Rev. 59 (1941) 669-673).
+    If the contact is lossless, the rebound of a sphere from a plate lacks this energy (C. Zener,
+    Phys. Rev. 59 (1941) 669-673).
 
     Raises
     ------
