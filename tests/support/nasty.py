@@ -80,7 +80,7 @@ RESULTS = {
 NONE_IS_NAN = {"restitution", "error", "dents"}
 
 #: Seconds of the processor after which a call counts as hanging.
-PATIENCE = 8.0
+PATIENCE = 20.0
 
 
 class Unprintable:
