@@ -144,7 +144,7 @@ class System:
 
     @cached_property
     def marched(self) -> System:
-        """The system in the I integrated modes: first-order modes if damping couples the modes."""
+        """The system as integrated: itself, or in first-order modes if damping couples modes."""
         first = self.first
         if first is None:
             return self

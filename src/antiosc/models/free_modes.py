@@ -339,8 +339,7 @@ StiffnessFunction = Callable[[ComplexArray], Numbers]
 
 
 def sample_frequencies(top: float, lowest: float, step: float = DAMPING_RATIO) -> ComplexArray:
-    """Damped frequencies (W,) [rad/s], `step` apart, from `lowest` (below it Z is static) to
-    `top`."""
+    """Damped frequencies (W,) [rad/s] from min(lowest, top)/4 to top in relative steps `step`."""
     start = BAND_START_RATIO * min(top, lowest)
     count = int(np.ceil(np.log(top / start) / step)) + 2
     return np.geomspace(start, top, count) * (1 + 1j * DAMPING_RATIO)

@@ -332,7 +332,7 @@ class Layout:
     # -- motions as functionals: row 3 p + c is component c of point p, in the assembly's axes
 
     def at_points(self, member: Member, cell: IntArray, X: Array, names: tuple[str, ...]) -> Sparse:
-        """Functionals (3P, n): vectors `names` at reference points X (P, tdim) of P cells."""
+        """Functionals (3P, n): DISPLACEMENTS or ROTATIONS (`names`) at X of P cells."""
         space = member.part.form.space
         entries = []
         for axis, name in enumerate(names):

@@ -198,7 +198,7 @@ def diagonal_roots(matrix: Matrix) -> Array:
 
 
 def force_ratios(matrix: Matrix, X: Array) -> Array:
-    """‖A x/√D‖ / ‖√D x‖ of columns x (k,), 1e-16 for null vectors."""
+    """‖Ax/√D‖/‖√D x‖ (k,) of x in X, D = diag A; 1e-16 if Ax = 0."""
     comm = communicator(matrix)
     root = diagonal_roots(matrix)[:, None]
     return norms(comm, multiply(matrix, X) / root) / norms(comm, root * X)

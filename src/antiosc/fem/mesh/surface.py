@@ -97,8 +97,8 @@ def outside_distance(xi: Array, simplex: bool) -> Array:
     return np.maximum(-xi.min(axis=1), upper_excess)
 
 
-def clamped(xi: Array, simplex: bool) -> Array:
-    """Reference coordinates (n, t) moved to the nearest point of their cells."""
+def moved_inside(xi: Array, simplex: bool) -> Array:
+    """Reference coordinates (n, t) of points outside moved into their cells."""
     xi = np.clip(xi, 0.0, 1.0)
     if simplex:
         xi = xi / np.maximum(xi.sum(axis=1, keepdims=True), 1.0)
@@ -265,7 +265,7 @@ def foot_coordinates(entities: CellEntities, item: IntArray, points: Array) -> A
     start = entities.middle[item]
     affine = entities.affine[item]
     xi = projected(lambda k, xi: entities.at(item[k], xi), points, start, affine=affine)
-    return clamped(xi, entities.simplex)
+    return moved_inside(xi, entities.simplex)
 
 
 @dataclass(frozen=True, eq=False)

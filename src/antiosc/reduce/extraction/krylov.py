@@ -1,23 +1,22 @@
 """Krylov anti-oscillators: N solves for N anti-oscillators, and the most accurate Z(ω) for them.
 
-With the shapes Φ of unit displacements at p ≥ 1 sites (`site_shapes`), A = K + sM and the operator
-T = A⁻¹M - Y(loadᵀY)⁻¹YᵀM under the constraint that all sites are fixed, the block Lanczos
-recurrence starts at TΦ and runs in the inner product of A, in which T is symmetric. Its Ritz pairs
-are those of (K, M) on the space {TΦ, …, TᴺΦ}: a Galerkin model, so every m_i is positive
-semidefinite and Σm_i ≤ M_st. With z = ω² + s,
+With the shapes Φ of unit displacements at p ≥ 1 sites (`site_shapes`), A = K + sM, Y = A⁻¹load for
+the loads at the sites, and T = A⁻¹M - Y(loadᵀY)⁻¹YᵀM, which keeps all sites fixed, the block
+Lanczos recurrence starts at TΦ and runs in the inner product of A, in which T is symmetric. Its
+Ritz pairs are those of (K, M) on the space {TΦ, …, TᴺΦ}: a Galerkin model, so every m_i is positive
+semidefinite and Σm_i ≤ M_st. With z = ω² + s, K0 = ΦᵀKΦ and M_st = ΦᵀMΦ,
 
-    Z = K0 - ω²M_st - ω⁴G,    G = ΦᵀM (I - zT)⁻¹TΦ = Σ_j z^j ΦᵀM T^(j+1) Φ,
+    Z = K0 - ω²M_st - ω⁴S,    S = ΦᵀM (I - zT)⁻¹TΦ = Σ_j z^j ΦᵀM T^(j+1) Φ,
 
-and N steps match the first 2N of these moments (Gauss quadrature of G: Golub and Meurant,
+and N steps match the first 2N of these moments (Gauss quadrature of S: Golub and Meurant,
 *Matrices, Moments and Quadrature*, 2010, ch. 6). An unobservable mode is orthogonal to the start
 block: only rounding may introduce it, without mass. The highest Ritz pairs represent the mass of
-all higher modes. Directions that the block does not add to the basis are dropped, so that its width
-falls.
+all higher modes. Directions that add nothing to the basis are dropped.
 
 The error of the first n basis vectors V follows from the residual Q = TΦ - (I - zT)VX of the
 Galerkin solution X,
 
-    G - G_N = QᵀA(I - zT)⁻¹Q,    ‖Z - Z_N‖₂ ≤ |ω|⁴ ‖Q‖²/|sin arg z|,
+    S - S_N = QᵀA(I - zT)⁻¹Q,    ‖Z - Z_N‖₂ ≤ |ω|⁴ ‖Q‖²/|sin arg z|,
 
 since T has real eigenvalues ≥ 0: a bound at every damped frequency. Q needs the products TV, which
 are known one block later.
@@ -29,10 +28,10 @@ semidefinite as before. An impact on a large thin plate ends before its waves re
 error of the peak force with s = 0, 2.5 and 0.2 % with √s = 2π · 16 kHz (measured). A shift inside
 the band (s < 0) would save a fifth of the steps at most, by slower, indefinite solves.
 
-With dampers, the shapes V span the Krylov space of A⁻¹M that starts from A⁻¹[MΦ, Gᵀ], the motions
-of the sites and of the ends of the dampers; A⁻¹C leads into the same space. A relaxing layer adds
-A⁻¹CV of each block. K, M and C are all projected on V: VᵀCV is semidefinite for every number of
-shapes, so that every model is passive.
+With dampers, the shapes V span the Krylov space of A⁻¹M that starts from A⁻¹[MΦ, Gᵀ], where Gᵀ are
+the dampers' force patterns; A⁻¹C leads into the same space. A relaxing layer adds A⁻¹CV of each
+block. K, M and C are all projected on V: VᵀCV is semidefinite for every number of shapes, so that
+every model is passive.
 """
 
 from __future__ import annotations

@@ -361,7 +361,7 @@ def model_of(
     k0, m0 = (semidefinite(static.W @ one @ static.W.T) for one in (static.k0, selected.m0))
 
     inertia = inertia_of(structure, shapes, static.nodal)
-    participation = generalised_masses(structure, shapes) if has_directions else None
+    participation = participations(structure, shapes) if has_directions else None
     if info.thickness is not None and len(k0) == len(sites):
         info = info.having(second_order=_stiffening(structure, list(sites), k0, shapes))
 
@@ -429,8 +429,8 @@ def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
     return inertia.along(np.vstack([dot(structure.comm, block, loads) for block in shapes]))
 
 
-def generalised_masses(structure: Structure, shapes: Array) -> Array | None:
-    """Generalised masses (k, 3) of shapes for unit accelerations along x, y, z; None if unknown."""
+def participations(structure: Structure, shapes: Array) -> Array | None:
+    """Participations φᵀMe (k, 3) of shapes in accelerations along x, y, z; None if unknown."""
     loads = [structure.uniform_inertia(axis) for axis in np.eye(3)]
     if any(load is None for load in loads):
         return None

@@ -40,8 +40,8 @@ from antiosc.reduce.extraction.model import (
     REPEATED_DISTANCE,
     SEARCH_FACTOR,
     check_modes,
-    generalised_masses,
     inertia_of,
+    participations,
 )
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.site import Site
@@ -184,7 +184,7 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
     return StructureModes(
         omega=omega[:n],
         multiplicity=count[:n],
-        participation=generalised_masses(structure, lowest),
+        participation=participations(structure, lowest),
         mass=mass,
         shapes=lowest,
         structure=structure,

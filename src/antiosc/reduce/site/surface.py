@@ -34,7 +34,7 @@ from antiosc.engine.contact.surfaces import Matter, Surface, isotropic
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.shell import Laminate
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import Faces, clamped, projected
+from antiosc.fem.mesh.surface import Faces, moved_inside, projected
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import PartsMatrices
 from antiosc.fem.structure.place import Place, places_at
@@ -190,7 +190,7 @@ def _patch_around(faces: Faces, point: Array) -> Patch:
         faces.middle[facets],
         affine=faces.affine[facets],
     )
-    nearest_points = faces.at(facets, clamped(xi, faces.simplex))[0]
+    nearest_points = faces.at(facets, moved_inside(xi, faces.simplex))[0]
     gap = np.linalg.norm(nearest_points - point, axis=1)
     return _gathered_patch(faces, facets, nearest_points, gap)
 
