@@ -13,11 +13,13 @@ import pytest
 from mpi import ENVIRONMENT
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
-START = """
+PART = """
     import warnings
     import antiosc as ao
-    from antiosc.fem.platform import WORLD
-    rank = WORLD.rank
+    from mpi4py import MPI
+    rank = MPI.COMM_WORLD.rank
+    mesh = ao.box_mesh((0.1, 0.05, 0.02), size=0.03)
+    part = ao.Structure(mesh, ao.Solid(70e9, 0.33, 2700.0), [ao.Support("-x")])
 """
 #: Calls with an error on rank 1, and a word of it.
 CALLS = {
@@ -33,7 +35,8 @@ CALLS = {
 def test_an_error_of_one_rank_ends_all(call: str, tmp_path: Path) -> None:
     line, word = CALLS[call]
     script = tmp_path / "script.py"
-    script.write_text(f"{textwrap.dedent(START)}{line}\nWORLD.barrier()\n")
+    after = "part = ao.extract(part, ao.Site((0.1, 0.02, 0.02), (0, 0, -1)), n=3)"
+    script.write_text(f"{textwrap.dedent(PART)}{line}\n{after}\n")
     done = subprocess.run(
         ["mpirun", "-n", "2", sys.executable, str(script)],
         env={**ENVIRONMENT, **os.environ},

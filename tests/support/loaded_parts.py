@@ -107,25 +107,3 @@ def drum(pressure):
     rim = ao.Support(lambda x: np.hypot(x[0], x[1]) > DISC * (1 - 1e-3))
     loads = ao.Prestress(pressure={"sheet": pressure})
     return ao.Structure(mesh, ao.Shell(E, 0.3, RHO, DRUM), [rim], prestress=loads)
-
-
-RING, WALL = 0.1, 2e-3
-#: Lévy's pressure 3 D/R³ of a long tube
-LEVY = 3 * E * WALL**3 / 12 / (1 - 0.3**2) / RING**3
-
-
-def ring(pressure):
-    """A quarter of a long tube in plane strain, pressed from outside."""
-    radius, wall = RING, WALL
-
-    def quarter(s, t):
-        r = radius + wall * (t - 0.5)
-        return r * np.cos(np.pi / 2 * s), r * np.sin(np.pi / 2 * s)
-
-    mesh = sheet((48, 1), quarter, "quadrilateral", 2)
-    outer = radius + wall / 2
-    mesh = marked(mesh, outside=(1, lambda x: np.hypot(x[0], x[1]) > outer - 1e-9))
-    held = [ao.Support(at(1, 0.0), "y"), ao.Support(at(0, 0.0), "x")]
-    tube = ao.Solid(E, 0.3, RHO, plane="strain")
-    loads = ao.Prestress(pressure={"outside": pressure}) if pressure else None
-    return ao.Structure(mesh, tube, held, prestress=loads)

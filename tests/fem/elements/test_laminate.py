@@ -140,10 +140,8 @@ def test_a_laminate_rotated_in_space_keeps_its_frequencies(cell):
     layers = unsymmetric(0.05)
 
     def free(R, **laminate):
-        def warped(s, t):
-            return np.tensordot(R, [s, 0.8 * t, 0.3 * s**2 + 0.2 * s * t], 1)
-
-        mesh = sheet(3, warped, cell)
+        order = {"triangle": 1, "quadrilateral": 2}[cell]
+        mesh = sheet(3, lambda s, t: np.tensordot(R, [s, 0.8 * t, 0.3 * s**2], 1), cell, order)
         part = ao.Structure(mesh, ao.Laminate(**laminate))
         K, M = csr(part.K).toarray(), csr(part.M).toarray()
         return np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True, subset_by_index=(6, 11)))

@@ -128,7 +128,7 @@ print(json.dumps(found))
 
 @pytest.mark.mpi
 def test_over_ranks():
-    for text in run_ranks(2, START + SOLVES):
+    for text in run_ranks(3, START + SOLVES):
         found = json.loads(text)
         assert found["kind"] == "MumpsFactor"
         assert found["left"] < 1e-9

@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from loaded_beams import EI, LENGTH, RHO, SIDE, THIN_BEAM, UNIT, E, at_ends, at_root, beams
-from loaded_parts import DRUM, LEVY, SIZE, THIN, WRIGHT, blade, drum, plate, ring, ritz_drum
+from loaded_beams import EI, LENGTH, RHO, SIDE, THIN_BEAM, UNIT, E, at_ends, at_root, beams, marked
+from loaded_parts import DRUM, SIZE, THIN, WRIGHT, blade, drum, plate, ritz_drum
 from parts import box
 from refusals import refused
+from sheets import at, sheet
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("family", "speed"),
-    [("beam", 3), ("beam", 12), ("solid", 12), ("triangle", 12)],
+    [("beam", 3), ("beam", 12), ("solid", 12), ("triangle", 12), ("quadrilateral", 12)],
 )
 def test_a_rotating_cantilever_has_the_frequencies_of_wrights_table(family, speed):
     part, unit = blade(family, speed)
@@ -93,9 +94,8 @@ def test_columns_buckle_at_eulers_load():
     assert part.prestress.reserve == pytest.approx(2, rel=1e-4)
     mesh = box((16, 1, 1), (1.0, 0.02, 0.02), groups={"tip": (2, lambda x: x[0] > 1 - 1e-9)})
     euler = np.pi**2 * E * 0.02**4 / 12 / 4
-    spin = ao.Spin((1, 0, 0), 1e-6)  # without effect: forms of blades of solids serve
     for share in (0.5, 1.5):
-        loads = ao.Prestress(force={"tip": (-share * euler, 0, 0)}, spin=spin)
+        loads = ao.Prestress(force={"tip": (-share * euler, 0, 0)})
         if share > 1:
             with refused(None, "0.667", ao.InputError):
                 ao.Structure(mesh, ao.Solid(E, 0.0, RHO), held, prestress=loads)
@@ -110,6 +110,28 @@ def test_a_spin_beyond_the_first_singularity_is_refused():
     spin = ao.Spin((0, 0, 1), 20 * UNIT, about=(2 * LENGTH, 0, 0))
     with refused(None, "a spin at", ao.InputError):
         ao.Structure(beams(), THIN_BEAM, [ao.Support(at_root)], prestress=ao.Prestress(spin=spin))
+
+
+RING, WALL = 0.1, 2e-3
+#: Lévy's pressure 3 D/R³ of a long tube
+LEVY = 3 * E * WALL**3 / 12 / (1 - 0.3**2) / RING**3
+
+
+def ring(pressure):
+    """A quarter of a long tube in plane strain, pressed from outside."""
+    radius, wall = RING, WALL
+
+    def quarter(s, t):
+        r = radius + wall * (t - 0.5)
+        return r * np.cos(np.pi / 2 * s), r * np.sin(np.pi / 2 * s)
+
+    mesh = sheet((48, 1), quarter, "quadrilateral", 2)
+    outer = radius + wall / 2
+    mesh = marked(mesh, outside=(1, lambda x: np.hypot(x[0], x[1]) > outer - 1e-9))
+    held = [ao.Support(at(1, 0.0), "y"), ao.Support(at(0, 0.0), "x")]
+    tube = ao.Solid(E, 0.3, RHO, plane="strain")
+    loads = ao.Prestress(pressure={"outside": pressure}) if pressure else None
+    return ao.Structure(mesh, tube, held, prestress=loads)
 
 
 def test_a_ring_buckles_under_a_pressure_that_follows_its_surface():
