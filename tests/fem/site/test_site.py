@@ -100,6 +100,10 @@ def test_a_patch_inside_a_solid_snaps_to_its_surface():
     on, inside, down = (0.1, 0.02, 0.04), (0.1, 0.02, 0.0375), (0, 0, -1)
     snapped = at(structure, inside, down, radius=1e-3, snap=True)
     np.testing.assert_allclose(snapped, at(structure, on, down, radius=1e-3), atol=1e-12)
+    for z, way in ((0.04, (0, 0, -1)), (0.0, (0, 0, 1))):  # in the middle: the side struck
+        middle = at(structure, (0.1, 0.02, 0.02), way, radius=1e-3, snap=0.021)
+        side = at(structure, (0.1, 0.02, z), way, radius=1e-3)
+        np.testing.assert_allclose(middle, side, atol=1e-12)
     for snap in (False, 2e-3):
         with pytest.raises(ao.InputError, match=r"0\.0025 m inside the part.*or snap"):
             at(structure, inside, down, radius=1e-3, snap=snap)

@@ -515,16 +515,19 @@ class Faces(Entities):
             np.where(np.isfinite(label), label, 0).astype(int),
         )
 
-    def feet(self, points: Array, reach: float) -> Array:
-        """Nearest points (P, 3) of the surface, the same on all ranks; inf beyond `reach` [m]."""
-        comm, count = self.mesh.comm, len(points)
-        face, site = self._pairs_within_radii(points, np.full(count, reach))
-        x, _ = self.across(face, foot_coordinates(self, face, points[site]))
-        gap = np.linalg.norm(x - points[site], axis=1)
-        least = _least_over_ranks(comm, gap, site, count)
-        best = np.flatnonzero((gap <= least[site]) & (gap <= reach))
-        columns = (_least_over_ranks(comm, along, site[best], count) for along in x[best].T)
-        return np.column_stack([*columns])
+    def foot(self, point: Array, direction: Array, reach: float) -> tuple[float, Array]:
+        """(distance [m] from the surface, nearest point (3,)) within `reach`, the point on a face
+        against `direction` if there is one; (inf, `point`) without faces."""
+        face, _ = self._pairs_within_radii(point[None], np.full(1, reach))
+        points = np.tile(point, (len(face), 1))
+        x, normal = self.across(face, foot_coordinates(self, face, points))
+        gap = np.linalg.norm(x - points, axis=1)
+        is_leaving = normal @ direction > -NORMAL_TOLERANCE * np.linalg.norm(direction)
+
+        feet = [(bool(is_leaving[k]), gap[k], x[k].tolist()) for k in np.flatnonzero(gap <= reach)]
+        nearest = (gap.min(initial=np.inf), min(feet, default=(True, np.inf, point.tolist())))
+        distances, found = zip(*self.mesh.comm.allgather(nearest), strict=True)
+        return float(min(distances)), np.array(min(found)[2])
 
     def _pairs_within_radii(self, points: Array, radii: Array) -> tuple[IntArray, IntArray]:
         """Pairs (face, point) that may be within the point's radius, by octaves of the radii."""

@@ -136,15 +136,14 @@ def places_of(
 
 
 def _on_surface(site: Site, place: Place) -> Place:
-    """The site's place; with `snap`, a patch inside a solid moves to the nearest surface point."""
+    """The place of a site; with snap, a patch inside a solid is moved to the side struck."""
     part = place.member.part
     if not site.snap or site.radius is None or not part.kind.outside:
         return place
 
     extent = part.mesh.extent()
     reach = SNAP_SHARE * extent if site.snap is True else site.snap
-    foot = part.faces.feet(place.point[None], reach)[0]
-    depth = float(np.linalg.norm(foot - place.point))
+    depth, foot = part.faces.foot(place.point, place.direction, reach)
     is_inside = STRUCTURE_TOLERANCE * extent < depth <= reach
     return replace(place, nearest=closest(part.mesh, foot)) if is_inside else place
 
