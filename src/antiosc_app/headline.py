@@ -91,9 +91,10 @@ def caution_of_impact(hit: History, budget: ErrorBudget | None) -> str:
             hit.unfinished,
         ]
 
-    cautions.append(coarse_cell_sentence(hit))
+    coarse = coarse_cell_sentence(hit)
+    cautions.append(coarse)
     if budget is None:
-        cautions.append(f"there is no error bar: {no_bar_reason(hit)}")
+        cautions.append("" if coarse else f"there is no error bar: {NO_ESTIMATE_TEXT}")
     elif budget["peak_force"].known >= WIDE_BAR:
         cautions.append(f"the force is a rough one, ± {percent(budget['peak_force'].known)}")
     return " ".join(_as_sentence(text) for text in cautions if text)
