@@ -133,7 +133,7 @@ def _inspection_of(
         cell = None if cell >= read_options.get("size", inf) else cell
 
     # rounded within the tolerance of a plane of nodes
-    held_plane = None if plane is None else [rounded_to(end, 1e-2 * size) for end in plane]
+    held_plane = None if plane is None else [rounded_to(plane[0], 1e-2 * size), plane[1].tolist()]
     longest = longest_cell(x[nodes[:, : len(mesh.geometry.corners)]])
     # each node that is not held has three dofs or more
     dofs = 3 * int((~supported).sum()) if structure is None else structure.dofs
