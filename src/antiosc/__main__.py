@@ -1,4 +1,4 @@
-"""`python -m antiosc`: the command of the same name."""
+"""`python -m antiosc` runs the command `antiosc`."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""Structures with exact solutions, by name: `antiosc.closed_form.cantilever`."""
+"""Structures with exact solutions, such as `antiosc.closed_form.cantilever`."""
 
 from antiosc.models.closed_form import *  # noqa: F403
 from antiosc.models.closed_form import __all__ as __all__

@@ -1,4 +1,4 @@
-"""Errors and warnings: `antiosc.errors.InputError`."""
+"""Errors and warnings, such as `antiosc.errors.InputError`."""
 
 from antiosc.base.errors import (
     AccuracyError as AccuracyError,

@@ -1,8 +1,8 @@
-"""Names that other packages use besides the public names: readers, studies, reports.
+"""Non-public names that companion packages (readers, studies, reports) may use.
 
-Packages may use all names of the `MODULES`, by their paths: modules that need only NumPy and SciPy
-and no impacts, and a few others. Of the modules in `NAMES` they may use the listed names. Both
-lists may change from version to version; the public names of `antiosc` do not.
+They may use all names of the modules in `MODULES`, most of which need only NumPy and SciPy, and
+the listed names of the modules in `NAMES`. Both lists may change from version to version; the
+public names of `antiosc` do not.
 """
 
 #: Path of a module or package -> its content.

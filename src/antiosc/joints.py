@@ -1,4 +1,4 @@
-"""Joints of assemblies; springs, dampers and masses: `antiosc.joints.Bolt`."""
+"""Joints of assemblies, such as `antiosc.joints.Bolt`; springs, dampers and masses."""
 
 from antiosc.base import lazily
 

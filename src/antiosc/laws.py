@@ -1,4 +1,4 @@
-"""Contact laws and their results: `antiosc.laws.Hertz`."""
+"""Contact laws, such as `antiosc.laws.Hertz`, and their results."""
 
 from antiosc.engine.contact.base import ContactLaw as ContactLaw
 from antiosc.engine.contact.dent import Dent as Dent

@@ -1,4 +1,4 @@
-"""Charts and pictures of histories, models, maps and fields, for use by name.
+"""Public functions that draw histories, models, maps and fields.
 
 matplotlib is imported when a picture is drawn.
 

@@ -1,4 +1,4 @@
-"""Results, and functions of them: `antiosc.results.History`, `results.von_mises`."""
+"""Results, such as `antiosc.results.History`, and functions, such as `von_mises`."""
 
 from antiosc.base import lazily
 

@@ -14,7 +14,7 @@ else:
     NDArray = np.ndarray  # numpy.typing takes long to load
 
     class ArrayLike:
-        """Stands for numpy.typing.ArrayLike: scene files read the types of arguments."""
+        """Placeholder for numpy.typing.ArrayLike at run time: scene files read annotations."""
 
 
 Array = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Archives of arrays (.npz) and FMUs: written completely or not at all, read up to a size."""
+"""Archives of arrays (.npz) and FMUs: written completely or not at all, read up to a size limit."""
 
 from __future__ import annotations
 

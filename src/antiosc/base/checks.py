@@ -319,7 +319,7 @@ def what_and_path(what: Any, path: Any) -> tuple[Any, Any]:
 
 
 def new_file(name: str, value: object) -> Path:
-    """`value` as the path of a file to be written; else, as for "." and "/", InputError."""
+    """`value` as the path of a file to be written; InputError for folders such as "." and "/"."""
     target = path(name, value)
     if target.name in ("", ".."):
         raise InputError(
@@ -413,7 +413,7 @@ def shown(value: object) -> str:
 
 
 def nests_deeper(text: str, max_depth: int) -> bool:
-    """Whether brackets of a text in JSON or TOML nest too deep for a parser that recurses."""
+    """Whether the brackets of a text in JSON or TOML nest deeper than `max_depth`."""
     brackets = re.sub(_NO_BRACKETS, "", text)
     depths = accumulate(1 if bracket in "[{" else -1 for bracket in brackets)
     return max(depths, default=0) > max_depth

@@ -1,4 +1,4 @@
-"""The errors antiosc raises: one sentence with the number, the rule and the remedy."""
+"""Errors and warnings of antiosc; a message has the number, the rule and the remedy."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Message(str):
     category: type[Warning]
 
     def __new__(cls, text: str, category: type[Warning]) -> Message:
-        """The text on one line."""
+        """A message of this category with its text on one line."""
         message = super().__new__(cls, " ".join(text.split()))
         message.category = category
         return message
@@ -122,7 +122,7 @@ _warning_receiver: ContextVar[Callable[[str], None] | None] = ContextVar(
 
 
 def warn(message: str, category: type[Warning] | None = None) -> None:
-    """Warn at the line of the caller's own code; a collected message has its own category."""
+    """Warn at the line of the caller's own code; default category: that of a `Message`."""
     kind: type[Warning] = getattr(message, "category", AntioscWarning)
     kind = kind if category is None else category
     taker = _warning_receiver.get()

@@ -54,7 +54,7 @@ def load(module: str, name: str) -> Any:
 
 
 def door(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
-    """(`__all__`, `__getattr__`, `__dir__`) of a module that has the names of its stub (.pyi)."""
+    """(`__all__`, `__getattr__`, `__dir__`) for the file `module`, with names of its stub."""
     modules = names_in_stub(module)
 
     def getattr_(name: str) -> Any:

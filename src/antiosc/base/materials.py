@@ -72,7 +72,7 @@ def record(name: object) -> MaterialRecord:
 
 
 def yielding_record(name: str) -> MaterialRecord:
-    """As `record`; InputError for a material that does not yield."""
+    """The material that `record` finds for `name`; InputError if it does not yield."""
     found = record(name)
     if found.yield_strength is None:
         raise InputError(f"{found.name} has no yield strength.")
@@ -85,7 +85,7 @@ def names() -> list[str]:
 
 
 def strength_at(rate: tuple[float, ...], strength: float, strain_rate: float) -> float:
-    """The strength [Pa] at a strain rate [1/s], from constants `rate` and the slow strength [Pa].
+    """The strength [Pa] at a strain rate [1/s]; `rate`: D, q and S, or D, q with S = `strength`.
 
     S (1 + (strain rate/D)^(1/q)), P. S. Symonds and G. R. Cowper, Brown University Applied
     Mathematics Report 28 (1957).

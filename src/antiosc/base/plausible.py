@@ -73,7 +73,7 @@ def range_doubt(quantity: str, value: float, what: str, low: float = 0.0, high: 
 
 @runtime_checkable
 class ExaminedMaterial(Protocol):
-    """The properties of a material that are examined here."""
+    """The properties of a material whose plausibility is checked."""
 
     def bar_speed(self) -> float:
         """Speed √(E/ρ) of waves in a bar, m/s."""
@@ -141,7 +141,7 @@ def patch_doubt(radius: float, extent: float) -> str:
 def impact_doubts(
     models: Iterable[object], movers: Iterable[object], *velocities: object
 ) -> list[str]:
-    """Why each model's largest speed is implausible, or ""; InputError if impossible."""
+    """For each model, why the largest speed is implausible, or ""; InputError if impossible."""
     all_velocities = [*velocities, *[getattr(mover, "velocity", 0.0) for mover in movers]]
     speed = max(map(_max_speed, all_velocities), default=0.0)
     return [_impact_doubt(model, speed) for model in models]

@@ -40,7 +40,7 @@ WORTHWHILE_RATIO = 0.8
 
 
 def return_free_memory() -> None:
-    """Return freed memory that glibc keeps to the system: a quarter of a large part's memory."""
+    """Give freed memory, which glibc retains, back to the system."""
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if os.name == "posix" else None
     if trim:
         trim(0)
@@ -62,7 +62,7 @@ def core_count() -> int:
 
 
 def free_threads() -> int:
-    """Number of threads for independent work: the cores, or one if BLAS has its own threads."""
+    """Number of threads for independent work: all cores, or one if BLAS cannot be limited."""
     return 1 if user_threads() or _blas() is None else core_count()
 
 

@@ -185,7 +185,7 @@ class Strengths(Checked):
 
     @within_range
     def tsai_hill(self, stress: ArrayLike) -> Array:
-        """Exposure (...,) after Tsai and Hill (NASA CR-224, 1965): square root of the index.
+        """Exposure (...,), 1 at failure: √index of Tsai and Hill (NASA CR-224, 1965).
 
         `stress` (..., 3, 3) or (..., 6) in the axes of the layer, Pa; compressive strengths apply
         to negative σ1 and σ2.
@@ -215,7 +215,7 @@ class Strengths(Checked):
 
 
 def exposure(criterion: str, strengths: Strengths, s: Array) -> Array:
-    """Exposure (...,) of a layer to stresses s (..., 6) [Pa] by a method of `Strengths`."""
+    """Exposure (...,), 1 at failure, to stresses s (..., 6) [Pa] by a method of `Strengths`."""
     sigma1 = s[..., 0]
     sigma2 = s[..., 1]
     shear = s[..., 5]

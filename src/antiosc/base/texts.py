@@ -221,7 +221,7 @@ MAX_PLAIN_NUMBER = 1e6
 
 
 def engineering(value: float, unit: str = "", digits: int = 3) -> str:
-    """A number with this many significant digits and a prefix of its unit, as "2.20 kN"."""
+    """A number with `digits` significant digits and a prefix of its unit, as "2.20 kN"."""
     value = float(value)
     if not isfinite(value):
         return "–"

@@ -87,7 +87,7 @@ def _resting_state(system: System) -> tuple[Array, Array]:
 
 
 def set_initial_forces(system: System, preload: bool = False) -> None:
-    """Set the contact forces at the start, and q too if `preload`."""
+    """Set the contact forces at the start; with `preload` also q, to static equilibrium."""
     p = len(system.laws)
     R = system.R[:p, :p]
     if preload:

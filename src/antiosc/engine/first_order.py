@@ -95,7 +95,7 @@ class StackedModes:
         self.free = sum(w.size for w, *_ in self.parts)
 
     def _spans(self) -> Iterator[tuple[slice, slice, Array, FirstOrder | None]]:
-        """Yield (free modes, integrated modes, decays, first-order modes) of each body."""
+        """Yield (slice of free modes, slice of states, decays, first-order modes) of each body."""
         j = i = 0
         for w, d, first, _ in self.parts:
             size = w.size if first is None else first.omega.size
@@ -134,7 +134,7 @@ class StackedModes:
         return states
 
     def motion(self, a: Array, b: Array) -> tuple[Array, Array, Array]:
-        """Displacements, velocities and damping decelerations (n, J) of the free modes."""
+        """Displacements, velocities, damping decelerations (n, J) of free modes; a, b: (n, I)."""
         q, v, deceleration = (np.empty((len(a), self.free)) for _ in range(3))
         for free, span, d, first in self._spans():
             if first is None:
@@ -257,8 +257,8 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
 def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     """First-order modes of a body whose free modes all have damping.
 
-    Returns w and d (I,); S and J S (2 k, 2 I) for relaxed branches; the decelerations (k, 2 I) due
-    to damping; and L q - xi of the branches.
+    Returns w, d (I,), S and J S (2 k, 2 I) of the module, for relaxed branches; the decelerations
+    (k, 2 I) due to damping; and L q - xi of the branches.
 
     The eigenproblem is solved for (Omega q, v, L q - xi), whose squares are energies: its matrix is
     skew without damping. Y'JY is (v'v - (Omega q)'(Omega q) - (L q - xi)'(L q - xi))/lambda.
@@ -390,7 +390,7 @@ def _paired_poles(
 ) -> list[tuple[float, float, Array, Array]]:
     """Real modes (w, d, c_a, c_b) of pairs of real poles, each pole as (pole, eigenvector).
 
-    A pole of negative square (`minus`) is paired with the nearest slower pole of positive square
+    A pole of negative Y'JY (`minus`) is paired with the nearest slower pole of positive Y'JY
     (`plus`); a pole without a partner, with a pole of zero share. fastest : rate [1/s] of a pole
     of zero share that is paired with a pole at 0.
     """

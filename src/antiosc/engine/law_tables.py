@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class CallbackLaw:
-    """Callbacks by which the C library calls a Python law, and the exception that one raised."""
+    """Callbacks by which the C library calls a Python law; `error`: the exception of a callback."""
 
     def __init__(self, law: ContactLaw) -> None:
         self.law = law
@@ -84,7 +84,7 @@ class CallbackLaw:
         out: Doubles,
         sound: Callable[[float], bool] = isfinite,
     ) -> int:
-        """Store values of the method `where`; returns 0, or 1 if the law fails."""
+        """Store values of a law's method, named `where`, in `out`; returns 0, or 1 if it fails."""
         try:
             for i, value in enumerate(values()):
                 if not sound(value):

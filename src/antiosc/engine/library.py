@@ -306,7 +306,7 @@ def responses(omega: Array, decay: Array | float, t: Array | float) -> Array:
 
 
 def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Array:
-    """(integral [N s], peak [N]) (C, 2) of column `row` of forces, over spans (C, 2) of steps."""
+    """Integral [N s] and peak [N], (C, 2), of column `row` of forces in spans (C, 2) of steps."""
     time, force = (np.ascontiguousarray(array, dtype=float) for array in (time, force))
     steps = np.ascontiguousarray(spans, dtype=np.int64)
     peaks_out = np.empty((len(spans), 2))

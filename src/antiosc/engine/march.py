@@ -284,7 +284,7 @@ def run(
     """Integrate over [0, duration] once, with steps of at most `step` [s] in contact, if given.
 
     The error of the contact forces in a step is at most `step_tol` times `scale` [N]; with 0 the
-    scale of a contact is its largest force so far.
+    scale of a contact is its largest force so far. Touches closer than `fine` [s] count as one.
     """
     options = library.COptions(
         duration, step_tol, scale, step or 0.0, fine, max_contacts, max_steps, 1

@@ -225,8 +225,8 @@ def system_of_bodies(
     gap: float = 0.0,
     first: StackedModes | None = None,
 ) -> System:
-    """The system of several bodies with m rows, compliance R (m, m) and gaps [m]; p rows are
-    contacts."""
+    """The system of several bodies with m rows, the first being the contacts; R (m, m): residual
+    compliance [m/N]; `gap` [m] of all rows."""
     spans = consecutive_slices([body.omega.size for body in bodies])
     size, m = spans[-1].stop, len(R)
 
@@ -254,7 +254,7 @@ Key = tuple[int, int, int, bytes]
 
 
 class PackedSystem:
-    """A system for the C library; equal `key`: the same numbers of modes and modal responses."""
+    """A system for the C library; systems of equal `key` have equal sizes and modal responses."""
 
     def __init__(self, system: System) -> None:
         s = system

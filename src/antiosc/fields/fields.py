@@ -160,7 +160,7 @@ def nodal_motion(
 def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
     """Shapes of the body as columns (rows of this rank, B).
 
-    For a body that stretches, columns of second-order displacements of pairs of modes follow.
+    For a model with `stretch`, second-order displacements of pairs of modes follow as columns.
     """
     shapes = np.column_stack(checked_shapes(structure, history, body, MAX_PART_RATIOS))
     second = stretch_shapes(history, body)
@@ -206,7 +206,7 @@ def checked_shapes(
 ) -> tuple[Array, ...]:
     """Blocks of the body's shapes; InputError if they do not belong to the structure.
 
-    `limits`: largest ratios of the structure's and the model's stiffness, and of their mass.
+    `limits`: largest ratio of the stiffness of structure and model, and of their mass.
     """
     instance("structure", structure, Structure, "a Structure")
     kinds = (History, BodyHistory)
@@ -266,7 +266,7 @@ def _static_state_strain(at: ColumnFunction, structure: Structure, shapes: Array
 def with_pair_columns(
     at: ColumnFunction, structure: Structure, history: AnyHistory, body: str, shapes: Array
 ) -> Array:
-    """Strains or stresses (…, B) of `shapes` to second order, columns of pairs of modes last."""
+    """Strains or stresses (…, B) of `shapes` by `at`, to second order; pairs of modes come last."""
     forces = stretch_of_motion(history, body)
     if forces is None:
         linear = at(shapes, False)

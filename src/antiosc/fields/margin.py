@@ -155,7 +155,7 @@ class Margin(ReprMixin):
 
     @property
     def answer(self) -> str:
-        """Fate of the part in words; "cannot say" for a low stress without an error bar."""
+        """What happens to the part; "cannot say" below the strength without an error bar."""
         event = CRITERION_TEXTS[self.criterion][0]
         least, largest = self.bounds
         if least >= 1:
@@ -187,7 +187,7 @@ class Margin(ReprMixin):
 
     @property
     def _verdict(self) -> str:
-        """The answer and its scope, with the interval of the stress if this leaves it open."""
+        """The answer and its scope, with the range of the stress if the strength lies in it."""
         told = self.answer
         least, largest = self.bounds
         if least < 1 <= largest:
@@ -319,7 +319,7 @@ class NodalExposures(NamedTuple):
 
 def judged_margin(criterion: str, nodes: NodalExposures, zones: ExcludedZones) -> Margin | None:
     """The margin of the worst node outside the zones; None if no exposure is above zero. It has no
-    error bar if cells differ by half of the stress or do not resolve a contact."""
+    error bar if the stress differs by half between cells or the cells do not resolve a contact."""
     counts, scope = zones.judged_mask(nodes.points, nodes.exposure > 0)
     if not counts.any():
         return None
@@ -441,7 +441,7 @@ def ply_places(structure: Structure, quantity: str, part: str | None) -> list[Pl
 
 
 def criteria_of(structure: Structure) -> list[str]:
-    """Criteria by which materials with strengths are judged; [] if a material relaxes."""
+    """Quantities of `peak_field` that judge the known strengths; [] if a material relaxes."""
     module = source(structure)
     if module.relaxes(structure):
         return []
@@ -485,7 +485,7 @@ def has_strength(strength: object, criterion: str) -> bool:
 
 
 def sizes_at_nodes(points: Array, cells: Sequence[tuple[str, IntArray]]) -> Array:
-    """Size (P,) [m] of the largest cell at each point; the size is the extent along an axis."""
+    """Size (P,) [m] of the largest cell at each point; size: largest extent along an axis."""
     sizes = np.zeros(len(points))
     for _, numbers in cells:
         extent = np.ptp(points[numbers], axis=1).max(axis=1)

@@ -7,7 +7,7 @@ the curvatures of the modes. Samples with the step h therefore miss at most
 
 where A_j is the largest amplitude of mode j in the run and W_j the value at the node for an
 amplitude of 1. All nodes are sampled at about 500 times. Nodes with at least half of the largest
-value that counts are sampled again with a step for which this bound is 1 %. A parabola through the
+judged value are sampled again with a step for which this bound is 1 %. A parabola through the
 largest sample of a node and its neighbours gives the value.
 """
 
@@ -61,7 +61,7 @@ class BodyMotion:
 def search_of(
     history: AnyHistory, body: str, derivative: int, times: Array, *, given: bool, static: bool
 ) -> MaximumSearch:
-    """Function that finds maxima over a run, or at `times` if `given`; `static`: add a factor 1."""
+    """Function for maxima over a run, or at `times` if `given`; `static`: last column is static."""
 
     def factors(at: Array) -> Array:
         """Factors (k, B) of the columns at times (k,) [s]."""
@@ -97,7 +97,7 @@ def searched_maxima(
     counted: BoolArray,
     bounded: bool = True,
 ) -> tuple[Array, Array, float | None]:
-    """(largest value (S,), its time (S,) [s], bound on the missed share or None) of `scalar`, a
+    """(largest value (S,), its time (S,) [s], bound on what is missed if `bounded`) of `scalar`, a
     function (S, n, c) -> (S, n), of components `columns` (S, c, B); `counted` (S,): nodes that
     decide the time step."""
     if not len(columns):  # they are those of another rank
@@ -191,7 +191,7 @@ def _time_step(
 
 
 def _sample_times(nodes: Array, step: float) -> Array:
-    """Times at distances of about `step` [s]: a selection of the history's times, or more."""
+    """Times about `step` [s] apart: some of the history's times `nodes`, and times between them."""
     nodes = np.unique(nodes)
     if not step:
         return nodes

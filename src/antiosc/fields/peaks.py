@@ -75,8 +75,8 @@ class PeakField(CompletedResult):
     points : (P, 3) nodes of the mesh, m.
     values : (P,) largest value at each node.
     times : (P,) time at which it occurs, s.
-    error : bound on the relative underestimate of a value by sampling in time; None if the caller
-        gave the times, and for a part that stretches.
+    error : bound on the underestimate of values by sampling in time, in their unit; None if the
+        caller gave the times, and for a part that stretches.
     exposure : (P,) for stresses: the share of the strength, 1 at yield or failure, 0 where no
         strength is known; None for other quantities, and if no material has a strength.
     mesh_error : (P,) estimated mesh error of stresses of solids and sheets, in their unit: the
@@ -125,7 +125,7 @@ class PeakField(CompletedResult):
 
     @property
     def worst_point(self) -> Margin | None:
-        """The margin; without strengths the largest von Mises stress; None if not a stress."""
+        """The margin; without strengths, of the largest von Mises stress; None if not a stress."""
         return self._margin
 
     @property
@@ -206,7 +206,7 @@ class PeakField(CompletedResult):
         return name + (f" ({unit})" if unit else "")
 
     def surface(self, label: str, moved: Array) -> DeformedSurface:
-        """The outer surface displaced by `moved` (P, 3) [m], coloured by the values."""
+        """The outer surface, displaced by `moved` (P, 3) [m], magnified, coloured by the values."""
         from antiosc.plot.surfaces import DeformedSurface, magnification
 
         label = checks.instance("label", label, str, "a text")
@@ -261,10 +261,10 @@ def peak_field(
         "delamination": the exposure of the worst ply (`Strengths`), 1 at failure; "delamination"
         uses the interlaminar shear stresses in equilibrium with the shear forces.
     times : array_like (n,), optional
-        Times in s at which the quantity is evaluated. Default: where the value is at least half of
-        the largest that counts, enough times to resolve the fastest motion of the model (`error` of
-        the result bounds what they miss), elsewhere 500; with a parabola at the largest sample. A
-        BodyHistory is known only at its own times.
+        Times in s at which the quantity is evaluated. Default: about 500 times; at nodes with at
+        least half of the largest judged value, enough to resolve the fastest motion of the model
+        (`error` of the result bounds what they miss). A parabola through the largest sample gives
+        the value. A BodyHistory is known only at its own times.
     body : str
         As in `probe`.
     part : str, optional
@@ -469,8 +469,8 @@ def _excluded_zones(
     r0: float | None,
     held: Array,
 ) -> ExcludedZones:
-    """Places that are not judged: near sharp edges of solids, `held` points, and contacts (except
-    on beams)."""
+    """Zones of the margin: contacts (not on beams) and, on solids, sharp edges and `held` points.
+    Contacts on sheets are judged."""
     module = source(structure)
     families = module.families(structure, part)
     if not families & {"solid", "sheet"}:

@@ -146,7 +146,7 @@ def plot_map(
 
 
 def _front_faces(impact_map: Any, axes: Axes3D) -> BoolArray:
-    """Mask (T,) of the faces to draw: not back faces of solids, which would show in openings."""
+    """Mask (T,) of the faces to draw: without back faces of solids, visible through openings."""
     corners = impact_map.points[impact_map.elements]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     directions = impact_map.directions[impact_map.elements].mean(axis=1)
@@ -245,7 +245,7 @@ def deformed_surface(
 def _impact_arrow(
     point: Sequence[float] | None, direction: Sequence[float] | None
 ) -> tuple[Array, Array] | None:
-    """(point, direction) of the arrow that shows the impact; None if one is unknown."""
+    """(point, direction) of the impact's arrow; None without both, InputError if one is missing."""
     if (point is None) != (direction is None):
         raise InputError("the arrow of the impact needs both point and direction.")
     if point is None or direction is None:

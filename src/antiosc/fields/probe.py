@@ -350,7 +350,7 @@ def _filtered_derivative(
     signal: Callable[[AnyHistory, Array], Array],
     derivative: int,
 ) -> Array:
-    """Filtered derivative of `signal(history, t)` (n, …); the run may be repeated for longer."""
+    """Filtered `signal(history, t)` or its derivative (n, …); the run may be repeated longer."""
     if not isinstance(history, RunHistory):
         raise InputError(
             "a filter needs motion before and after the times: probe the scene's history with body."
@@ -438,9 +438,9 @@ def probe_error(
     It is the sum of three shares: `.truncation`, the largest difference to the same impact with
     half of the anti-oscillators; `.mesh`, the change of the largest value on the model corrected
     for its mesh error, times the safety factor of the budget; `.force`, the error in
-    `hit.error_budget["peak_force"]` without its truncation. It is infinite if one of the last two
-    is missing (extract with `error="estimate"`) or the first is 0.1 or more (take more
-    anti-oscillators). For a part that stretches, linear runs are compared.
+    `hit.error_budget["peak_force"]` without its truncation. It is infinite if `.mesh` or
+    `.force` is missing (extract with `error="estimate"`) or `.truncation` is 0.1 or more (take
+    more anti-oscillators). For a part that stretches, linear runs are compared.
 
     Parameters
     ----------

@@ -182,7 +182,7 @@ def _even_step(t: Array) -> tuple[float, bool]:
 
 
 def _resampled(t: Array, x: Array, step: float) -> tuple[Array, Array]:
-    """The values at equal steps of at most `step` [s], by linear interpolation."""
+    """(times, values) at equal steps of at most `step` [s], by linear interpolation."""
     sample_step, is_even = _even_step(t)
     span = float(t[-1] - t[0])
     if is_even:

@@ -1,4 +1,4 @@
-"""Assembly of a scene: modes, rows and loads for time integration, and estimates of its contacts.
+"""Assembly of a scene for time integration: modes, contact rows, loads, estimates of contacts.
 
 The estimated depth, speed, duration and stiffness of contacts determine the first time step. No
 result depends on them except the default tangential stiffness of friction, for which the depth is
@@ -96,11 +96,12 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
 def _tangential_stiffness(
     contact: Contact, law: ContactLaw, blow: tuple[float, float, float, float], local: float
 ) -> float:
-    """Tangential stiffness [N/m] of a contact without its patches' compliance `local` [m/N].
+    """Tangential stiffness [N/m] of a contact, with the compliance of its patches subtracted.
 
-    The default is a share of the mean normal stiffness (the larger one of loading and unloading)
-    over a half-sine contact. By Cerruti's solution, the tangential compliance of a patch is
-    1/MINDLIN times its normal compliance for any axisymmetric pressure.
+    The default is `MINDLIN_RATIO` times the mean of the normal stiffness (of loading or unloading,
+    the larger one) over a half-sine contact. By Cerruti's solution, the tangential compliance of
+    patches is their normal compliance `local` [m/N] over `MINDLIN_RATIO`, for any axisymmetric
+    pressure. blow : the arguments `speed` to `bound` of `largest_indentation`.
     """
     stiffness = contact.tangential_stiffness
     if stiffness is None:
@@ -137,7 +138,7 @@ def effective_mass(beta: Array, omega: Array) -> float:
 
 
 def _largest_component(beta: Array, modal: Array) -> Array:
-    """Largest |beta · modal| (p,) of K rows `modal`; if terms cancel, a tenth of Σ |terms|."""
+    """Largest |beta · modal| (p,) over K rows of `modal`; 0.1 Σ |terms| where its terms cancel."""
     direct = abs(modal @ beta.T)
     parts = abs(modal) @ abs(beta).T
 
@@ -152,7 +153,7 @@ def _largest_component(beta: Array, modal: Array) -> Array:
 
 
 def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
-    """(law minus half-space compliance `local` [m/N] of the patches, notes naming sites a, b)."""
+    """(law without the patches' half-space compliance `local` [m/N], notes on the sites a, b)."""
     if local == 0.0 or law.compliance > 0.0:
         return law, []
 
@@ -201,11 +202,11 @@ class Assembly:
 
     @cached_property
     def stacked(self) -> scene_parts.StackedBodies:
-        """The modes and columns of all bodies, side by side."""
+        """The modes of all bodies and the directions of their sites, side by side."""
         return scene_parts.stacked_bodies(self.bodies)
 
     def external_forces(self, t: Array) -> Array:
-        """External forces (n, P) on all columns at times (n,)."""
+        """External forces (n, P) [N] along all P site directions at times (n,) [s]."""
         return scene_parts.external_forces(self.scene.loads, self.bodies, self.stacked, t)
 
 

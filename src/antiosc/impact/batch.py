@@ -181,7 +181,7 @@ def simulate_many(
 
 
 def _chosen_laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[Any]:
-    """The contact laws of all scenes, chosen for "auto"; InputError names the scene."""
+    """The contact laws of all scenes, "auto" replaced by a law; InputError names the scene."""
     laws_by_pair: dict[tuple[int, int], ContactLaw] = {}
     laws = list(contacts)
 
@@ -199,7 +199,7 @@ def _chosen_laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -
 
 @dataclass(eq=False)
 class _SceneResult:
-    """Results of one scene of a batch; `failure` is set for one that failed."""
+    """Results of one scene of a batch; `failure` is the error of a failed scene, else None."""
 
     status: int
     message: str
@@ -227,7 +227,7 @@ def _solve_chunk(
     settings: Settings,
     report: Callable[[int], None],
 ) -> list[_SceneResult]:
-    """Results of scenes: each group in one call of the C library, the other scenes one by one."""
+    """Results of scenes: those of one `Impact.group` in one C call, all others one by one."""
     rows: dict[int, _SceneResult] = {}
     groups: dict[tuple[object, ...], list[int]] = {}
     can_group = settings.method == "exact" and n is None
@@ -270,7 +270,7 @@ def _result_of(
     pair: ModalPair,
     settings: Settings,
 ) -> _SceneResult | None:
-    """The result from an outcome of the C library; None if it must be integrated separately."""
+    """The result from an outcome of the C library; None: integrate this scene separately."""
     answer, contacts, touches, goes_on, _, numbers, *others = outcome
     force, peak, certain, end, contact_time_estimate, *_ = others
     if answer == library.FULL or answer >= library.LAW_FAILED:
@@ -344,7 +344,7 @@ def _history_of(
 
 
 def _raise_failures(rows: list[_SceneResult]) -> None:
-    """Raise the first InputError or, if all failed, the error that needs the largest patch."""
+    """Raise the first InputError or, if all failed, the error with the largest needed radius."""
     for i, row in enumerate(rows):
         if isinstance(row.failure, InputError):
             raise type(row.failure)(f"scene {i}: {row.failure}") from row.failure

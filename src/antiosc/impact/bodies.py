@@ -556,7 +556,7 @@ class SceneBody:
 
     @property
     def sites(self) -> dict[str, tuple[int, ...]]:
-        """The columns of each site; empty for an obstacle, which does not move."""
+        """Site name -> numbers of its columns; {"": ()} for an obstacle, which does not move."""
         if isinstance(self.body, Obstacle):
             return {"": ()}
         return self.modes.columns
@@ -577,7 +577,7 @@ class SceneBody:
         return stretch_of(self.body)
 
     def site_directions(self, site: str) -> Array | None:
-        """Directions (k, 3) of the first k columns of a site; None if they are unknown."""
+        """Unit vectors (k, 3) in space of the columns of a site; None if they are unknown."""
         if self.modes.axes is not None:
             return self.modes.axes[list(self.sites[site])]
         if site in self.site_axes:

@@ -1,11 +1,12 @@
 """Bounds on the contact forces of the assembled structure with all modes that a model leaves out.
 
-The displacements ũ of a Krylov model leave the residual -(K + sM) w f(t) in the structure
-(`antiosc.models.recurrence`). With the lift z = -w f, which does not move the site, the error
-e = u - ũ - z of a run is driven by Mw (∂² - s) f and by the residual of the damping. The relative
-energy of e and of the contacts' potentials bounds the difference of the indentations, and hence the
-forces; it is integrated as one scalar along the run (`csrc/enclosure.c`). Only the forces of the
-reference motion are taken from the run; the bounds include its errors in the contact laws.
+The displacements ũ of a Krylov model with the shift s leave the residual -(K + sM) w f(t) in the
+structure, w being the next Krylov vector (`antiosc.models.recurrence`). With z = -w f, which does
+not move the site, the error e = u - ũ - z of a run is driven by Mw (∂² - s) f and by the residual
+of the damping. The relative energy of e and of the contacts' potentials bounds the difference of
+the indentations, and hence the forces; it is integrated as one scalar along the run
+(`csrc/enclosure.c`). Only the contact forces are taken from the run; the bounds include their
+errors in the contact laws.
 
 The difference D of two indentations with relative energy below E satisfies, for every x > 0,
 D²/Y(x) + 2 H(D) <= 2E + xP² with P = ∫√(2E) dt. Y(x) is the sum of bᵀ(K + xM)⁻¹b of all bodies, and
@@ -63,7 +64,7 @@ class Enclosure(FieldsRepr):
     lower, upper : (n,) bounds on the force [N]; infinite where no bound is known.
     peak, impulse : bounds on the peak force [N] and on the impulse [N s], (lower, upper).
     horizon : time [s] from which the bounds are wider than a fifth of the largest force.
-    n : number of Krylov vectors of the reference motion.
+    n : number of Krylov vectors on which the bounds are based.
     """
 
     time: Array
@@ -89,13 +90,13 @@ class Enclosure(FieldsRepr):
 
 
 def proved_error(proof: Enclosure, quantity: str, value: float) -> float:
-    """Proved relative error of a value of "peak" or "impulse"."""
+    """Proved relative error of the `value` of a `quantity`, "peak" or "impulse"."""
     low, high = getattr(proof, quantity)
     return float(max(high - value, value - low) / value)
 
 
 class _ReferenceBody(NamedTuple):
-    """A body in its reference modes: frequencies, decay, contact columns, load, start velocity."""
+    """Modes of one body in the reference motion of the proof, with load and start velocity."""
 
     omega: Array
     decay: Array
@@ -109,7 +110,7 @@ class _ReferenceBody(NamedTuple):
 
 
 def enclosures(assembly: Assembly, run: Run, tol: float = 0.0) -> tuple[Enclosure, ...]:
-    """The narrowest bounds on the forces; with `tol`, those of the fewest vectors that meet it."""
+    """Narrowest bounds on forces, or those by the fewest Krylov vectors of peak width <= `tol`."""
     _check_run(assembly, run)
     bodies = assembly.bodies.values()
     sizes = consecutive_slices([body.omega.size for body in bodies])
@@ -207,7 +208,7 @@ def _proof_law(law: ContactLaw) -> tuple[ContactLaw, float]:
 
 
 def _max_vectors(body: SceneBody) -> int:
-    """Largest number of Krylov vectors of a body, 0 for a rigid body; else InputError."""
+    """Largest number of Krylov vectors of a model, 0 for a rigid body; else InputError."""
     model = body.body
     inner = getattr(model, "body", model)  # of an `Impactor`
     if isinstance(inner, AntiOscillators):
@@ -235,7 +236,7 @@ def _max_vectors(body: SceneBody) -> int:
 
 
 def _reference_body(assembly: Assembly, body: SceneBody, span: slice, n: int) -> _ReferenceBody:
-    """A body (modes `span` of the run) in the reference modes of `n` vectors, or a rigid body."""
+    """The body of the modes `span` of the run, in the Galerkin modes of `n` Krylov vectors."""
     system = assembly.system
     beta, v, load = system.beta[:, span], system.v[span], system.loads[0, span]
     inner = getattr(body.body, "body", body.body)
@@ -259,7 +260,7 @@ def _reference_body(assembly: Assembly, body: SceneBody, span: slice, n: int) ->
     rigid = modes.omega == 0
 
     def of_rigid(values: Array) -> Array:
-        """Amplitudes of the reference's rigid-body modes, from the modal `values` of the run."""
+        """Rigid-body amplitudes in the Galerkin modes, from the modal `values` of the run."""
         moved = np.zeros(rigid.size)
         motion = B[~elastic].T @ values[~elastic]
         moved[rigid] = np.linalg.lstsq(modes.b[rigid].T, motion, rcond=None)[0]
@@ -303,8 +304,8 @@ def _compliances(bodies: Sequence[_ReferenceBody], x: Array) -> Array:
 
 
 def _residual_channels(bodies: Sequence[_ReferenceBody]) -> tuple[Array, Array, Array]:
-    """(driving residuals (k, 5, J), residuals of damping (l, 5, J), bounds `brake` (J,)), for
-    csrc/enclosure.c."""
+    """Factors (k, 5, J) from `ReferenceModes.drive` and (l, 5, J) from `losses`, bounds (J,) from
+    `brake`, on the J modes of all bodies, for csrc/enclosure.c."""
     size = sum(body.omega.size for body in bodies)
     places = consecutive_slices([body.omega.size for body in bodies])
     rows, losses, brake = [np.zeros((0, 5, size))], [np.zeros((0, 5, size))], np.zeros(size)

@@ -1,10 +1,10 @@
 """The error budget of an impact: errors due to mesh, truncation, steps, patch and law.
 
-The mesh error is the difference between the impacts on the model and on its corrected model
-(`antiosc.models.parameters`), times a safety factor, which is larger if strain errors are a large
-share of the energy. Each quantity gets at least half of the largest error, as an error may vanish
-by chance. For a shell, error and misfit have opposite signs and may cancel: the larger of the
-differences with and without the misfit is taken.
+The mesh error is the difference between the impacts on the model and on its corrected model, which
+is softer (`antiosc.models.parameters`), times a safety factor, which is larger if strain errors are
+a large share of the energy. Each quantity gets at least half of the largest error, as an error may
+vanish by chance. For a shell, `strain_error` and `strain_misfit` have opposite signs and may
+cancel: the larger of the differences with and without the misfit is taken.
 
 Error "noise": the record of a measured model (`ModelInfo.measured`) contains other bodies that also
 fit the measurement; the impact is repeated on each of them.
@@ -63,7 +63,7 @@ class RepeatedImpact:
         return self.runs[-1]
 
     def changes(self, body: LinearBody, law: ContactLaw | None = None) -> RelativeErrors:
-        """Relative changes of the quantities on another body or with another law."""
+        """Relative changes of force, impulse, contact time, deflection by another body or law."""
         return bars.relative_changes_with_site(self.raw_history, self.run(body, law))
 
 
@@ -72,7 +72,7 @@ BAR_SIGMAS = 2.0
 
 
 def measurement_errors(impact: RepeatedImpact) -> RelativeErrors:
-    """Relative errors of the quantities due to measurement noise and limited band, summed."""
+    """Relative errors by quantity: sums of those by measurement noise and by limited band."""
     facts = impact.model.info.measured
     if facts is None:
         return bars.ZERO_ERRORS
@@ -258,7 +258,7 @@ POINT_CONTACT_LAWS = (Hertz, Gonthier, ElasticPlastic, YangSun)
 
 
 def _stretch_errors(hit: History, model: AntiOscillators, impact: RepeatedImpact) -> RelativeErrors:
-    """Relative errors due to left-out second-order modes, from runs with two more modes."""
+    """Relative errors due to omitted second-order forces, if needed by a run with more modes."""
     if model.stretch is None:
         energy = hit.assembly.omitted_stretch_ratio
         return dict.fromkeys(BAR_UNITS, energy and max(OMITTED_SAFETY * energy, OMITTED_MIN_ERROR))
@@ -279,7 +279,7 @@ def _stretch_errors(hit: History, model: AntiOscillators, impact: RepeatedImpact
 
 
 class MeshErrors(NamedTuple):
-    """Errors due to the mesh and to truncation; zero without a mesh."""
+    """Relative errors due to mesh and truncation; zero where they are not estimated."""
 
     mesh: RelativeErrors = bars.ZERO_ERRORS
     truncation: RelativeErrors = bars.ZERO_ERRORS
@@ -361,7 +361,7 @@ def _safety_factor(model: AntiOscillators, share: float) -> tuple[float, list[st
 
 
 def amplitude_products(hit: History) -> Array:
-    """Time integral over the contacts of a aᵀ (N + 1, N + 1); a: amplitudes of psi_0 … psi_N."""
+    """Time integral of aaᵀ (N + 1, N + 1) in contact; a: amplitudes of φ_st and of each c_i φ_i."""
     size = hit.model.n + 1
     total = np.zeros((size, size))
 
@@ -380,8 +380,8 @@ def _time_errors(hit: History) -> list[float]:
 
 
 def _step_errors(hit: History, finer: History | None, tol: float) -> dict[str, float]:
-    """Time-step errors: the run's own estimate, or the change in the run `finer` with the
-    tolerance `tol`."""
+    """Time-step errors by quantity: the estimate of the run or, if larger, `tol` plus the
+    change in the run `finer`, whose tolerance is `tol`."""
     error = max(_time_errors(hit), default=0.0)
     estimated = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
     change = bars.ZERO_ERRORS if finer is None else bars.relative_changes_with_site(hit, finer)
@@ -392,7 +392,7 @@ def _patch_errors(impact: RepeatedImpact) -> tuple[RelativeErrors, list[str]]:
     """Errors due to the radius of the patch, and a note.
 
     A patch of a second radius changes the part's compliance by more or less than the half-space
-    compliance changes. The error is the change of the impact if the contact gets this difference.
+    compliance changes. The error is the change due to this difference in compliance.
     """
     model = impact.model
     second_patch = model.info.get("patch")

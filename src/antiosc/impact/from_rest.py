@@ -27,7 +27,7 @@ def peak_deflections(
     """Largest displacement u (S,) [m] of each body's site along the impact, from rest.
 
     The forces are linear between their times and zero outside. The displacement is exact at these
-    times and at 200 or more times over the duration (at least 40 per period of the first mode).
+    times and at 200 to 20 000 times over the duration (40 per period of the first mode).
     """
     longest = checks.positive("duration", float(np.max(duration)), "s")
     durations = np.broadcast_to(duration, len(bodies)) if len(bodies) else np.array([longest])

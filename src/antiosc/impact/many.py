@@ -96,7 +96,7 @@ def checked_levels(quantiles: Sequence[float]) -> tuple[float, ...]:
 class Many(Result):
     """The results of many runs: impacts, falls, or runs with random inputs.
 
-    `values` and `facts` are attributes too, such as `many.peak_force`.
+    Each entry of `values` and `facts` is also an attribute, such as `many.peak_force`.
 
     Attributes
     ----------

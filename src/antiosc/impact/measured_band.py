@@ -38,7 +38,7 @@ def low_band_message(hit: History) -> str:
 
 
 def pulse_time(hit: History) -> float:
-    """Duration [s] of a half-sine whose spectrum ends where that of the force ends."""
+    """Duration [s] of the half-sine with the bandwidth of the force (99 % of its energy)."""
     start = hit.contacts[0][0]
     end = hit.contacts[-1][1]
     time = np.linspace(start, end, SAMPLE_COUNT)

@@ -1,4 +1,4 @@
-"""Scenes without friction by textbook methods, for comparison with the exact method.
+"""Integration of scenes without friction by textbook methods, to compare with "exact".
 
 SciPy's `solve_ivp` integrates from one touch or release to the next, for laws without memory.
 Newmark's method (average acceleration) and the leapfrog (central differences) have equal steps and
@@ -76,7 +76,7 @@ def newmark(s: System, h: float) -> tuple[Array, Array, StepPredictor]:
 
 
 def leapfrog(s: System, h: float) -> tuple[Array, Array, StepPredictor]:
-    """Central differences, as `newmark`; a force at the end of a step changes only velocities."""
+    """As `newmark`, by central differences: a force at a step's end changes only velocities."""
     x = s.omega**2
     scale = 1 + h * s.decay
 

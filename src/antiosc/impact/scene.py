@@ -295,7 +295,7 @@ def integrate_exact(
     max_contacts: int,
     max_steps: int,
 ) -> Converged:
-    """The exact method, refined until two runs agree, or one run with a step [s] in contact."""
+    """Run by the exact method, refined until two runs agree, or once with `step` [s] in contact."""
     fine = assembly.contact_time_estimate / TOUCH_RESOLUTION if step is None else step / 4
     steps = (tol, 0.0, 0.0, fine) if step is None else (HALVED_TIME_SHARE, 0.0, step, fine)
     limits = max_contacts, max_steps, 0 if step is None else 1
@@ -540,8 +540,8 @@ class RepeatableImpact:
 def _truncated_model(
     model: LinearBody, n: int | str, run: RunOnModel, tol: float
 ) -> tuple[LinearBody, dict[str, float], str]:
-    """(model truncated to `n`, or for "auto" to the fewest for `tol`; its errors; note if n is
-    too small)."""
+    """(model of `n` anti-oscillators, for "auto" of the fewest that meet `tol`; its errors if
+    "auto"; note if even all are too few)."""
     if not isinstance(model, AntiOscillators):
         raise InputError(f"only AntiOscillators can be truncated; got {type(model).__name__}.")
     if not isinstance(n, str):

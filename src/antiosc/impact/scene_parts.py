@@ -269,7 +269,7 @@ def two_body_parts(
 
 
 class StackedBodies(NamedTuple):
-    """The modes and columns of all bodies of a scene, side by side."""
+    """Modes of all bodies of a scene and directions ("columns") of their sites, side by side."""
 
     spans: dict[str, slice]  # of the modes of each body
     columns: dict[str, slice]  # of the columns of each body
@@ -283,7 +283,7 @@ class StackedBodies(NamedTuple):
 
 
 def stacked_bodies(bodies: Mapping[str, SceneBody]) -> StackedBodies:
-    """Put the modes and columns of all bodies side by side."""
+    """Put the modes of all bodies and the directions of their sites side by side."""
     modes = consecutive_slices([body.omega.size for body in bodies.values()])
     sites = consecutive_slices([body.modes.B.shape[1] for body in bodies.values()])
     spans, columns = (dict(zip(bodies, slices, strict=True)) for slices in (modes, sites))
@@ -346,7 +346,7 @@ def set_axes(
 
 
 def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> Array:
-    """Row (P,) of a site's displacement along a direction (None: along its coordinate)."""
+    """Weights (P,) of a body's columns in a site's displacement along `direction` or its own."""
     row = np.zeros(body.modes.B.shape[1])
     columns = list(body.sites[site])
     if not columns:
@@ -384,7 +384,7 @@ def relative_row(
     direction: Array | None,
     stacked: StackedBodies,
 ) -> Array:
-    """Row (P,) of the displacement of site b relative to site a along a direction."""
+    """Weights (P,) of all columns in the displacement of site b relative to site a."""
     row = np.zeros(len(stacked.r))
     a, b = ends
     for (body, site), sign, end in ((b, 1, contact.b), (a, -1, contact.a)):
@@ -398,7 +398,7 @@ def tangential_rows(
     direction: Array | None,
     stacked: StackedBodies,
 ) -> list[Array]:
-    """One or two rows (P,) of the tangential displacement of site b relative to site a."""
+    """One or two rows (P,), as `relative_row`, for tangential displacement of site b."""
     movable_ends = [(body, site) for body, site in ends if body.sites[site]]
     if direction is None or any(body.modes.axes is None for body, _ in movable_ends):
         raise InputError(
@@ -439,7 +439,7 @@ def _motion_axis(body: SceneBody) -> Array | None:
 def external_forces(
     loads: Sequence[Load], bodies: dict[str, SceneBody], stacked: StackedBodies, t: Array
 ) -> Array:
-    """External forces (n, P) on all columns at times (n,)."""
+    """External forces (n, P) [N] along all P site directions at times (n,) [s]."""
     total = np.zeros((t.size, len(stacked.r)))
     for load in loads:
         body, site = find_site(load.end, bodies)
@@ -502,7 +502,7 @@ def load_series(
 
 
 def gravity_load(body: SceneBody, gravity: Array | float) -> Array | None:
-    """Modal forces (J,) of gravity; only rigid modes if supported, None without rigid modes."""
+    """Modal forces (J,) of gravity, only on rigid modes if supported; None without such modes."""
     if not np.any(body.omega == 0):
         return None
 

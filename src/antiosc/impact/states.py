@@ -35,7 +35,7 @@ def c_record_of(run: Run) -> tuple[library.CRecord, list[Array]]:
 
 
 def contact_intervals(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
-    """(intervals (`TOUCH_RECORD`) of contact c of positive length, whether it ends closed)."""
+    """(touches of contact c longer than 0 s (`TOUCH_RECORD`), whether it is closed at the end)."""
     record, _ = c_record_of(run)
     touches = np.empty(len(run.events) + 1, library.TOUCH_RECORD)
     goes_on = c_int()
@@ -100,7 +100,7 @@ def modal_states(run: Run, system: System, step: Index, since: Array) -> tuple[A
 
 
 def integrated_states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
-    """States (n, I) of the integrated modes at times `since` [s] after the starts of steps."""
+    """Displacements, rates (n, I) of `System.marched` at `since` [s] after the starts of steps."""
     q, v = integrated_start_states(run, system, step)
     if run.time.size < 3:
         return q, v
@@ -108,7 +108,7 @@ def integrated_states(run: Run, system: System, step: Index, since: Array) -> tu
 
 
 def _free_modes(system: System, q: Array, v: Array) -> tuple[Array, Array]:
-    """Displacements and velocities of the free modes from states of the integrated modes."""
+    """Displacements and velocities of the free modes from states q, v of `System.marched`."""
     if system.first is None:
         return (q, v)
     return system.first.motion(q, v)[:2]
@@ -117,20 +117,20 @@ def _free_modes(system: System, q: Array, v: Array) -> tuple[Array, Array]:
 def damping_states(
     run: Run, system: System, step: Index, since: Array
 ) -> tuple[Array, list[list[Array]]]:
-    """(decelerations (n, J) due to coupled damping, displacements (n, J) of the springs for each
-    branch)."""
+    """(decelerations (n, J) by coupled damping; by body, displacements (n, J) of the spring of each
+    Maxwell branch)."""
     assert system.first is not None
     integrated = integrated_states(run, system, step, since)
     return system.first.motion(*integrated)[2], system.first.springs(*integrated)
 
 
 def modal_start_states(run: Run, system: System, step: Index) -> tuple[Array, Array]:
-    """Modal displacements and velocities (n, J) at the starts of steps (n,) and at the end."""
+    """Modal displacements and velocities (n, J) at the starts of steps (n,), or at the end."""
     return _free_modes(system, *integrated_start_states(run, system, step))
 
 
 def integrated_start_states(run: Run, system: System, step: Index) -> tuple[Array, Array]:
-    """States (n, I) of the integrated modes at the starts of steps."""
+    """Displacements and rates (n, I) of `System.marched` at the starts of steps."""
     if run.every == 1:
         return run.states[step, 0], run.states[step, 1]
 
@@ -162,7 +162,7 @@ def integrated_start_states(run: Run, system: System, step: Index) -> tuple[Arra
 def _advanced_states(
     run: Run, system: System, step: Index, since: Array, q: Array, v: Array
 ) -> tuple[Array, Array]:
-    """Modal displacements and velocities at times `since` [s] after the starts of steps."""
+    """States of `System.marched` at `since` [s] after the starts of steps, from q, v there."""
     full_system = system
     system = system.marched
     P, W, S, J0, J1, J2 = library.responses(system.omega, system.decay, since[:, None])
@@ -206,7 +206,7 @@ def _advanced_states(
 def node_states(
     run: Run, system: System, first: int = 0, last: int | None = None
 ) -> tuple[Array, Array]:
-    """Modal states (n, J) at the time nodes of the steps `first` to `last`."""
+    """Modal displacements, velocities (n, J) at the time nodes of steps `first` to `last` - 1."""
     last = run.time.size // 2 if last is None else last
     size = system.omega.size
     nodes = 2 * (last - first) + 1

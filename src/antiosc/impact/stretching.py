@@ -1,4 +1,4 @@
-"""Impacts on parts whose sheets stretch: modes with second-order forces, and their further rows.
+"""Impacts on parts whose sheets stretch: runs with second-order forces in a few modes.
 
 A linear run comes first. Its motion shows how large the second-order forces are, and which modes
 move most. Each of these modes adds a row to the system: a modal displacement, on which its
@@ -215,7 +215,7 @@ def relative_differences(first: History, second: History) -> dict[str, float]:
 
 
 def stretch_shares(changes: Mapping[str, float], before: float) -> dict[str, float]:
-    """Errors of omitted motions; `changes`: by two more; `before`: energy ratio before the peak."""
+    """Relative errors by omitted modes, from `changes` by two more; `before`: energy ratio."""
     worst = max(changes.get(name, 0.0) for name in DECIDING_WEIGHTS)
     floors = dict.fromkeys(bars.QUANTITIES, bars.MIN_ERROR_SHARE * worst)
     floors[bars.DEFLECTION] = 0.0  # it is among those that make the floors

@@ -79,7 +79,7 @@ class TruncationError:
 
     @property
     def worst(self) -> float:
-        """Largest of the three errors."""
+        """Largest error of peak force, impulse and contact time."""
         return max(self.peak_force, self.impulse, self.contact_time)
 
 
@@ -177,8 +177,8 @@ def choose_n(model: AntiOscillators, run: RunOnModel, tol: float = 1e-2) -> Trun
 def softest_model(model: AntiOscillators) -> AntiOscillators:
     """The model whose residual mass is on the softest springs that the model's moments permit.
 
-    By the Gauss rule of the moments (see the module), or a spring with the next frequency, which is
-    extrapolated.
+    They follow from the Gauss rule of the moments (unconverged Krylov models, see the module);
+    other models get one spring with the next frequency, which is extrapolated.
     """
     if model.m0 == 0:  # nothing is left out but what the last anti-oscillator stands for
         return model.truncated(model.n - 1)
@@ -215,7 +215,7 @@ def _combined_model(
 ) -> AntiOscillators:
     """The model with its n anti-oscillators replaced by k combinations of them.
 
-    modes : (n, k) combinations of unit mass; momentum : (n', 3) momenta of all new coordinates;
+    modes : (n, k) combinations of unit mass; momentum : (n', 6) momenta of all new coordinates;
     given : new values of other fields of the model.
     """
     damping = model.damping
@@ -239,7 +239,7 @@ def _combined_model(
 
 
 def halved_model(model: AntiOscillators) -> AntiOscillators:
-    """A model of the Krylov method with half of its Krylov space; it may have several sites."""
+    """The given Krylov model, of one or several sites, with half of its Krylov space."""
     P = np.sqrt(model.m)[None] if model.P is None else model.P
     modes, omega = _krylov_modes(P, model.omega, _squared_expansion_point(model), model.n // 2)
     p = model.n_sites
@@ -348,10 +348,10 @@ def _squared_expansion_point(model: AntiOscillators) -> float:
 
 
 def _gauss_rule(m: Array, omega: Array, point: float = 0.0) -> tuple[Array, Array, Array]:
-    """(masses, frequencies (n,), shares (n, n + 1) of the psi_i in the shapes) of the Gauss rule
-    with the moments of m over 1/(omega^2 + point).
+    """Gauss rule with the moments of the masses m (n + 1,) at lam = 0 and 1/(omega^2 + point).
 
-    It is the rule of the space orthogonal to the last Lanczos vector, whose components are
+    Returns its masses and frequencies (n,), and its shapes (n, n + 1) as combinations of those of
+    m. It is the rule of the space orthogonal to the last Lanczos vector, whose components are
     1/(sqrt(m_i) prod(lam_i - lam_j)).
     """
     lowest = omega[0] ** 2 + point

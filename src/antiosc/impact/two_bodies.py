@@ -239,7 +239,7 @@ def _copies_of(structure: object, kind: np.dtype[np.void], count: int) -> NDArra
 
 
 class ImpactRows:
-    """Impacts that differ only in their rigid impactors, as rows for the C library."""
+    """Impacts on one model that differ in rigid impactor, law, gap or duration, as rows for C."""
 
     def __init__(self, impacts: Sequence[Impact], settings: Settings) -> None:
         self.pair = modal_pair(impacts[0])

@@ -312,7 +312,7 @@ def _measure(gmsh: ModuleType, dim: int, tag: int) -> float:
 
 
 def _graded_size_field(gmsh: ModuleType, place: Refinement, request: Request, scale: float) -> int:
-    """Tag of a size field: small sizes at a place, which grow to `request.size` around it."""
+    """Add a size field that grows from the size at `place` to `request.size`; returns its tag."""
     usual_growth, reach = request.grading
     point, local, growth = with_growth(place, usual_growth)
     x, y, z = (float(c) / scale for c in (*point, 0.0)[:3])
@@ -408,7 +408,7 @@ def read(request: Request) -> FileMesh:
 
 
 def _checked_copy(source: Path, suffix: str, name: str) -> Path:
-    """Copy the checked file, and CAD files that a script merges, into the working folder."""
+    """Path of the checked file's copy in the working folder; CAD files it merges are copied too."""
     copy = Path(f"mesh{suffix}")
     if suffix in SCRIPT_ENDINGS:
         text, merged = checked_script(source.read_text(encoding="latin-1"), name)
@@ -482,7 +482,7 @@ def _volume_remarks(gmsh: ModuleType, name: str, exact: float) -> list[str]:
 
 
 def _box_diagonals(gmsh: ModuleType, names: EntityNames, scale: float) -> FileMesh:
-    """Box diagonals of all solids, or of the model, as lines, all of which are in every group."""
+    """Box diagonals of all solids, else of the model, as lines; each group contains all lines."""
     entities = solids_by_volume(gmsh) or [(-1, -1)]
     boxes = scale * np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
     lines = np.arange(2 * len(boxes)).reshape(-1, 2)

@@ -112,7 +112,7 @@ class Deck:
             start += len(block)
 
     def blocks_of(self, elements: IntArray) -> Iterator[tuple[Block, BoolArray]]:
-        """Yield (block of some of `elements`, mask of these in `elements`)."""
+        """Yield for each block (the block of its elements in `elements`, mask of them there)."""
         start = 0
         for block in self.blocks:
             in_block = (elements >= start) & (elements < start + len(block))
@@ -203,7 +203,7 @@ class NodeTable:
 
 
 class PairTable:
-    """A table from unordered pairs of nodes to numbers; the first entry of a pair counts."""
+    """A table from unordered pairs of nodes to numbers; a pair keeps its first number."""
 
     def __init__(self, n: int) -> None:
         self._n = max(n, 1)
@@ -342,7 +342,7 @@ def _cells_of_blocks(
 
 
 def _middle_weights(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) -> csr_matrix:
-    """Weights of the middle of a `face` (four local corners); default: middle of hexahedra."""
+    """Weights of the middle of a `face` (four local corners); default: of hexahedra."""
     corners = block.corners[:, list(face)] if face else block.corners
     edges = np.stack([face, np.roll(face, -1)], axis=1) if face else np.array(EDGES[block.shape])
     mids = nodes.between(block.corners[:, edges])
@@ -415,7 +415,7 @@ def _simplices(block: Block) -> tuple[IntArray, IntArray]:
 
 
 def _triangles(corners: IntArray) -> tuple[IntArray, IntArray]:
-    """(triangles (n, 3) of faces (m, 3 or 4) from their lowest node, row (n,) of their face)."""
+    """(triangles (n, 3) of faces (m, 3 or 4), divided at the lowest node; face (n,) of each)."""
     rows = np.arange(len(corners))
 
     if corners.shape[1] == 4:
@@ -442,7 +442,7 @@ def _halved_lines(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
 
 
 def known_kind(label: str, name: str) -> str:
-    """The kind of cells named `label`; MeshError if they can neither be used nor divided."""
+    """Returns `label`; MeshError if cells of this kind can neither be used nor divided."""
     if label not in CELL_TYPES:
         raise MeshError(
             f"{name} holds {label} cells; it must be of lines, triangles, quadrilaterals, "

@@ -127,7 +127,7 @@ class Surface:
         return float(signed_volumes(self.points, self.triangles).sum())
 
     def only(self, pieces: Sequence[int]) -> Surface:
-        """The surface with the triangles of some pieces."""
+        """The surface with only the triangles of `pieces`."""
         rows = np.isin(self.piece, pieces)
         return Surface(self.points, self.triangles[rows], self.piece[rows], self.remarks)
 
@@ -282,7 +282,7 @@ def winding_number(corners: Array, point: Array) -> float:
 
 
 def _surface_to_fill(request: Request) -> tuple[Surface, list[list[int]]]:
-    """(closed surface of the requested bodies, pieces of each); cavities point inward."""
+    """(closed surface of the requested bodies, pieces of each); normals point out of the solid."""
     surface = read_surface(request)
     if surface.open_edges:
         raise MeshError(

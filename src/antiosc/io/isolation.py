@@ -75,7 +75,7 @@ def read_isolated(path: Path, *, geometry: bool, options: Json, timeout: float |
 
 
 def _file_size(path: Path) -> int:
-    """Size of a regular file, bytes; MeshError for other paths, which might never end."""
+    """Size of a regular file, bytes; MeshError for other paths, empty and unreadable files."""
     shown = printable(str(path))[:200]
 
     try:

@@ -75,7 +75,7 @@ class MatrixFile:
         return values.reshape(-1, columns)
 
     def rows(self, lines: Sequence[bytes], numbers: Sequence[int], size: int | None) -> Entries:
-        """Matrix of lines (row, column, value); its `size` defaults to the highest row number."""
+        """Entries of lines (row, column, value); `size`: row count, None: highest row or column."""
         table = self.table(lines, numbers, 3)
         whole = (table[:, :2] % 1 == 0) & (table[:, :2] >= 1) & (table[:, :2] < 2**31)
         self.needs(whole.all(), numbers[int(whole.all(axis=1).argmin())], WHOLE_NUMBERS_RULE)
@@ -473,8 +473,8 @@ def supported_rows(supports: object, rows: DofMap | None) -> IntArray:
 
 
 def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
-    """The map of `size` rows in any form of `from_matrices`; `labels`: (node, component) in
-    files."""
+    """The map of `size` rows given by `source`, in any form of `from_matrices`; `labels`: (node,
+    component) of rows in matrix files."""
     if source is None:
         if labels is None:
             return None

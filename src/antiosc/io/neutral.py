@@ -301,14 +301,14 @@ UNIT_SYSTEMS = {
 
 @dataclass(frozen=True)
 class UnitSystem:
-    """Factors to SI; the unit of mass follows from force = mass × length / s²."""
+    """Units of length and force in SI; the unit of mass follows from force = mass × length / s²."""
 
     length: float = 1.0  # m
     force: float = 1.0  # N
 
     @classmethod
     def of(cls, unit: str | float) -> UnitSystem:
-        """The unit system with this name, or with this many metres per unit of length, and N."""
+        """The unit system named `unit`; for a number, `unit` metres per unit of length, and N."""
         if not isinstance(unit, str):
             return cls(positive("unit", unit, "m"))
         if unit in UNIT_SYSTEMS:
@@ -334,7 +334,7 @@ class UnitSystem:
 
 
 def row_hashes(rows: NDArray[Any]) -> NDArray[np.uint64]:
-    """Hash (n,) of each row, for any order of its entries; two rows collide with odds of 1e-19."""
+    """Hash (n,) of each row, independent of the order in it; odds of a collision: 1e-19."""
     mixed = np.zeros(len(rows), dtype=np.uint64)
 
     with np.errstate(over="ignore"):

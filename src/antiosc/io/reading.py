@@ -367,7 +367,7 @@ def pieces_of(raw: RawMesh) -> list[Piece]:
 
 
 def described_pieces(pieces: Sequence[Piece], most: int = 6) -> str:
-    """Rank, name and size of the first `most` pieces as text."""
+    """Rank, name and box size of the first `most` pieces as text."""
     words = []
     for k, piece in enumerate(pieces[:most], 1):
         size = " × ".join(f"{1e3 * c:.3g}" for c in piece.high - piece.low)

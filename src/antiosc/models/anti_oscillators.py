@@ -11,7 +11,7 @@ At p sites k0, m0 and m_i are matrices (p, p), and m_i = P_i P_i' has rank one: 
 inertial coupling of constraint mode i (all sites fixed, unit mass) to unit accelerations of the
 sites.
 
-Models are saved in NumPy files (`.npz`) with a header in JSON. They are untrusted data: they are
+Models are saved in NumPy files (`.npz`) with a header in JSON. Such files are untrusted: they are
 read without pickles, and no array is larger than its stored bytes.
 
 With the displacements u (p,) of the sites and the amplitudes η (N,) of the constraint modes of unit
@@ -201,7 +201,7 @@ def _loaded_damping(values: NamedValues | None) -> Damping | DampingMatrix | Non
     size = int(values["n"])
 
     def factor(rows: ArrayLike) -> Array:
-        """A matrix whose rows are stored as lists."""
+        """The factor (n, `size`) of a damping matrix, from its stored `rows`."""
         return checks.floats("factor", np.reshape(rows, (-1, size)), (None, size))
 
     branches = [(factor(L), checks.positive("tau", tau, "s")) for L, tau in values["branches"]]
@@ -250,7 +250,8 @@ def reduced_matrices(
     nodes: int | Sequence[int] | None = None,
     dofs: int | str | Sequence[int | str] = 0,
 ) -> ReducedMatrices:
-    """K and M (p + N, p + N) from k0, m_st (p, p), P (p, N) and omega (N,) [rad/s]."""
+    """K and M (p + N, p + N) from k0, m_st (p, p), P (p, N) and omega (N,) [rad/s]; `nodes` and
+    `dofs` name the rows of the sites."""
     from scipy.linalg import block_diag  # takes long to load
 
     from antiosc.io.matrices import component_number

@@ -69,7 +69,7 @@ class ModelInfo(ReprMixin):
     converged : number of the lowest anti-oscillators that have converged to antiresonances.
     point, direction : place [m] and direction of a site without a name.
     points : places [m] of named sites.
-    no_estimate : reason why `extract(…, error="estimate")` refuses the part, if it does.
+    no_estimate : reason why the mesh error of the part cannot be estimated, if it cannot.
     measured : data of the error bars of a model from measured frequency responses.
     surfaces : site ("" without a name) -> material and curvature as for `Surface.as_dict`, or the
         reason why they are unknown; `contact="auto"` chooses the law by them.
@@ -102,7 +102,7 @@ class ModelInfo(ReprMixin):
 
     @classmethod
     def of(cls, record: ModelInfo | Mapping[str, Any]) -> ModelInfo:
-        """A mapping (or record) as a record; unknown names become `notes`. Else InputError."""
+        """`record` as a ModelInfo, or InputError; unknown names of a mapping become `notes`."""
         if isinstance(record, ModelInfo):
             return record
         checks.instance("info", record, Mapping, "a ModelInfo, or a dict of facts")
@@ -274,7 +274,7 @@ class ModalModel(Body):
 
 
 def checked_body(name: str, body: object) -> Body:
-    """`body` as a `Body` of one contact point; a user's body gets defaults. Else InputError."""
+    """`body` as a `Body` of one contact point, or InputError; a user's body gets defaults."""
     if isinstance(body, Body):
         if body.sites:
             raise InputError(several_sites_message(name, body.sites))

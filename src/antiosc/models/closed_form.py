@@ -79,7 +79,7 @@ class UniformBeam:
         length: float,
         shear_coefficient: float = 5 / 6,
     ) -> UniformBeam:
-        """With shear and rotary inertia; G = E/2(1 + nu), kGA = shear_coefficient·G·area (SI)."""
+        """A beam with shear and rotary inertia, kGA = shear_coefficient·area·E/(2 (1 + nu)); SI."""
         slender = cls.euler_bernoulli(E=E, rho=rho, area=area, inertia=inertia, length=length)
         G = E / (2 * (1 + checks.poisson(nu)))
         kGA = checks.positive("shear_coefficient", shear_coefficient) * G * area
@@ -197,9 +197,9 @@ class StruckBeam:
 
 
 class PolynomialBeam:
-    """A struck beam of length 1 in polynomials of curvature and shear; see the module.
+    """A struck beam of length 1, with polynomial curvature and shear on each side of the site.
 
-    Coefficients are w₀, θ₀, then the coefficients of κ and of γ/√η, segment by segment.
+    Coefficients: deflection w₀ and rotation θ₀ at 0, then curvature κ and shear γ/√η by segments.
 
     Attributes
     ----------
@@ -297,7 +297,7 @@ def _stiffness(shapes: Array) -> Array:
 
 
 def _integrals(values: Array) -> Array:
-    """Integrals (points, k) from -1 of series in Legendre polynomials (points, k + 1)."""
+    """Integrals (points, k) from -1 of Legendre polynomials or their integrals (points, k + 1)."""
     differences = values[:, 1:].copy()
     differences[:, 0] += values[:, 0]
     differences[:, 1:] -= values[:, :-2]

@@ -128,7 +128,7 @@ def site_models(
     n: int | None = None,
     shift: float = 0.0,
 ) -> SiteModels:
-    """As `from_free_modes`, for S sites at once: b (S, J), compliance and inertia (S,)."""
+    """Anti-oscillators of S sites as `from_free_modes`; b (S, J), compliance and inertia (S,)."""
     omega = checks.floats("omega", omega, (None,))
     if not omega.size or np.any(omega < 0) or np.any(np.diff(omega) < 0) or omega[-1] == 0:
         raise InputError("omega must ascend from 0 or above to a frequency > 0.")
@@ -160,7 +160,7 @@ def residual_parameters(
     omega: Array, b: Array, C: Array, G: Array | None, shift: float = 0.0
 ) -> tuple[Array, Array]:
     """Compliance r (S,) [m/N] and inertia s (S,) of the truncated modes: C, G (S,) of all modes
-    minus those of the modes `omega` (J,), b (S, J). Without G s = 0; for all modes r = s = 0."""
+    minus those of the modes `omega` (J,), b (S, J). s = 0 without G; r = s = 0 with all modes."""
     x = omega**2 + shift
     modal = b**2 @ (1 / x)
     heavy = b**2 @ (1 / x**2)
@@ -277,8 +277,8 @@ def model_parameters(
 def _lanczos(
     A: Array, b: Array, bAb: Array, massless: Array, phi: Array, n: int
 ) -> tuple[Array, Array, Array]:
-    """(n Ritz values of T (S, n), coefficients of phi (S, n), residual mass (S,)) by the Lanczos
-    method from T phi. Residual compliance r > 0 adds (b'v)^2/r to v'Av; r = 0 requires b'v = 0."""
+    """(Ritz values (S, n), coefficients of phi (S, n), residual mass (S,)) by Lanczos from T phi;
+    T: A^-1 with the site fixed. `massless` r > 0 adds (b'v)^2/r to v'Av; r = 0 requires b'v = 0."""
     y = b / A
     soft = massless > 0
     stiff = np.where(soft, 1 / np.where(soft, massless, 1.0), 0.0)
@@ -347,7 +347,7 @@ def sample_frequencies(top: float, lowest: float, step: float = DAMPING_RATIO) -
 
 def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Array:
     """Relative change |dZ|/|Z| (..., N) at each damped pole omega_i^2 if its mass m (..., N) is
-    added to m0 (...,). Z is computed with m0, as -x m_st would cancel the term of a large m_i."""
+    added to m0 (...,). Z is computed from m0, as the m_st term would cancel that of a large m_i."""
     k0, m0, m, poles = (np.asarray(a, dtype=float) for a in (k0, m0, m, poles))
     weight = np.where(m > 0, m * poles, 0.0)
     poles = np.where(m > 0, poles, -1.0)
@@ -363,7 +363,7 @@ def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Arra
 
 
 def receptance_shares(b: ArrayLike, poles: ArrayLike) -> Array:
-    """Change |dH|/|H| (J,) of H = sum b^2/(poles - x) at each damped pole without its mode."""
+    """Share |dH|/|H| (J,) of each mode in H = sum b^2/(poles - x) at its own damped pole."""
     weight = np.asarray(b, dtype=float) ** 2
     poles = np.asarray(poles, dtype=float)
     share = np.ones(poles.shape)  # of a rigid-body mode at its own frequency, 0

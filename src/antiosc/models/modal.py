@@ -111,8 +111,8 @@ def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | Non
 class ModalBase(ReprMixin):
     """Common base of bodies with one contact point (`ModalBody`) and with several (`SiteModes`).
 
-    The arrays of a `ModalBody` have no axis for its one contact point. For both, `B`,
-    `R`, `columns` and `axes` have P >= 1 columns, each a contact point with a direction.
+    The arrays of a `ModalBody` have no axis for its one contact point. For both, `B`, `R`,
+    `columns` and `axes` are of P >= 1 columns, each one direction at a contact point.
     """
 
     omega: Array
@@ -133,7 +133,7 @@ class ModalBase(ReprMixin):
         raise NotImplementedError
 
     def _check_modes(self, *points: int | None) -> None:
-        """Check and store the common attributes."""
+        """Check and store the common attributes; `points`: last axes of `b`, None for any size."""
         omega = checks.floats("omega", self.omega, (None,))
         if np.any(omega < 0):
             raise InputError(f"omega must be >= 0; its least entry is {omega.min():g} rad/s.")

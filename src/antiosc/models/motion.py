@@ -76,10 +76,10 @@ class Inertia(ReprMixin):
         return Inertia(self.point, self.matrix, momentum)
 
     def rotation(self, amplitudes: Array) -> Array:
-        """Mean rotation vector (n, 3) [rad] for amplitudes (n, C); its rate for their rates.
+        """Mean rotation vector (n, 3) [rad] from amplitudes (n, C), or its rate from their rates.
 
-        A rigid body with this rotation has the same angular momentum about its centre. It is zero
-        about axes without inertia.
+        A rigid body with this rate has the same angular momentum about its centre. The rotation is
+        zero about axes without inertia.
         """
         amplitudes = checks.floats("amplitudes", amplitudes, (None, len(self.momentum)))
         centre = self.centre

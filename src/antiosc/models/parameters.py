@@ -167,7 +167,7 @@ class Parameters(Body):
 
 
 def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array | None:
-    """Participation of shapes psi from that of lambda (Article eq. (8)); `sign` -1: the inverse."""
+    """Participation of shapes psi from that of lambda, Article eq. (8); `sign` -1: the reverse."""
     if values is None or sites:
         return values
     values = np.array(values)
@@ -230,7 +230,7 @@ def checked_parameters(model: Parameters) -> ParameterDict:
 
 
 def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> ParameterDict:
-    """Checked parameters that have their own form for one unnamed site; `order`: by frequency."""
+    """Checked parameters in the form of one unnamed site; `order`: indices by frequency."""
     for name in SEVERAL_SITES_ONLY:
         value = getattr(model, name)
         if not (value is None or (isinstance(value, dict) and not value)):
@@ -264,7 +264,7 @@ def _checked_at_one_site(model: Parameters, omega: Array, order: Index) -> Param
 
 
 def _checked_at_sites(model: Parameters, omega: Array, order: Index) -> ParameterDict:
-    """Checked parameters that have their own form for named sites; `order`: by frequency."""
+    """Checked parameters in the form of named sites; `order`: indices by frequency."""
     if model.m is not None and np.ndim(model.m) != 3:
         raise InputError("with several sites the inertias are given as P, not as m.")
     if model.P is None:
@@ -353,7 +353,7 @@ def rigid_motions(k0: Array, m_st: Array, omega: Array) -> Array:
 
 
 def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
-    """1/√ (p,) of the diagonal of k0 + s m_st; s: lowest omega^2 of the model."""
+    """Inverse square roots (p,) of the diagonal of k0 + s m_st; s: lowest omega^2 of the model."""
     mass = np.abs(m_st.diagonal())
     stiffness = np.abs(k0.diagonal())
     s = float(omega[0]) ** 2 if omega.size else 0.0
@@ -440,7 +440,7 @@ def has_error_bars(model: object) -> bool:
 
 
 def softened_model(model: ModelType) -> ModelType:
-    """The softened model; see `AntiOscillators.corrected`."""
+    """The model softened by its `strain_error`, as for `AntiOscillators.corrected`."""
     E = model.strain_error
     if E is None:
         reason = model.info.no_estimate
@@ -506,7 +506,8 @@ def _softened(k0: Array, rigid: int, omega: Array, E: Array) -> tuple[Array, Arr
 
 
 def energy_error(model: Parameters, E: Array, weights: Array) -> float:
-    """Error energy over strain energy; E: energies of strain errors, `weights`: Σ a aᵀ."""
+    """Error energy over strain energy; E: error energies of the shapes, `weights`: Σ a aᵀ with
+    their amplitudes a."""
     energy = float(np.sum(weights * model.stiffness))
     if energy > 0:
         return float(np.sum(weights * E)) / energy

@@ -50,7 +50,7 @@ class ReferenceModes:
     shift: float  # s [rad²/s²]
 
     def _factors(self, square: Array, by: dict[int, Array | float]) -> Array:
-        """Factors (k, 5, J) as in `drive`: square^(1/2) `residual` times `by`, values by number."""
+        """Factors (k, 5, J) as in `drive`: square^(1/2) `residual` times `by[i]` at (:, i, :)."""
         x, U = np.linalg.eigh(square)
         root = (U * np.sqrt(np.maximum(x, 0.0))) @ U.T
         weights = root @ self.residual
@@ -65,8 +65,9 @@ class ReferenceModes:
         return np.eye(len(self.inertia)) - self.shift * self.inertia
 
     def drive(self, damping: Damping, lag: Array) -> Array:
-        """Factors (k, 5, J) of q, q', the modal force and its two rates in M^(1/2) W (f'' + αf' -
-        sf + …). `lag` (J,): q'' = force - ω²q - 2 decay q' - lag (ω²q' - rate of the force)."""
+        """Factors (k, 5, J) of q, q', the modal force and its first and second rate in the residual
+        load M^(1/2) W (f'' + αf' - sf + …) of the motion W f. `lag` (J,): q'' = force - ω²q -
+        2 decay q' - lag (ω²q' - rate of the force)."""
         s, stiff = self.shift, self.omega**2 + self.shift
         by_v = damping.beta * stiff + 2 * _damping_ratio(damping) * self.omega + lag * self.omega**2
         by: dict[int, Array | float] = {
@@ -79,7 +80,7 @@ class ReferenceModes:
         return self._factors(self.inertia, by)
 
     def losses(self, damping: Damping) -> Array:
-        """Factors (2k, 5, J), as in `drive`, of terms whose squares add to the damping energy."""
+        """Factors (2k, 5, J), as in `drive`, of terms whose squares bound the power of damping."""
         stiff = self.omega**2 + self.shift
 
         # |f|² of √(M K) is at most half of those of M/e + eK
@@ -97,7 +98,7 @@ class ReferenceModes:
         return 2 * _damping_ratio(damping) * own
 
     def receptance(self, x: Array, b: Array) -> Array:
-        """Upper bounds (n,) [m/N] of bᵀ(K + xM)⁻¹b at x (n,) > 0 [rad²/s²]; b (J,): in modes."""
+        """Upper bounds (n,) [m/N] of bᵀ(K + xM)⁻¹b at x (n,) > 0 [rad²/s²]; b (J,) in the modes."""
         share = b / (self.omega**2 + x[:, None])
         left_out = ((self.shift - x)[:, None] * (share @ self.residual.T)) ** 2
         return share @ b + left_out.sum(axis=1) * np.maximum(self.shift / x, 1.0)
@@ -164,7 +165,7 @@ def recurrence_of(
 ) -> Recurrence | None:
     """The recurrence with start = VᵀMΦ and H = VᵀMV, up to the last block that couples only with
     its neighbours; None with fewer than two such blocks. `ends`: number of vectors up to the end
-    of each block; `dropped`: length of what was dropped as rounding of a next vector, if any."""
+    of each block; `dropped`: norm of the next vector if it was dropped as rounding, else None."""
     size_of = np.sqrt(np.maximum(H.diagonal(), 0.0))  # of V; the next lines by Cauchy and Schwarz
     beside = np.abs(H / size_of.max())
     for first, last in zip((0, *ends), (*ends[1:], len(H)), strict=False):

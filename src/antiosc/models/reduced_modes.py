@@ -36,7 +36,7 @@ MASSLESS_RATIO = 1e-15
 
 
 def free_modes(model: Parameters) -> ModalBody | SiteModes:
-    """The free modes of a model in lambda, or in u and eta; hidden motions come first."""
+    """The free modes of a model in lambda (one site) or in u and eta; hidden motions come first."""
     p, hidden = model.n_sites, model.hidden_count
 
     # coordinates from u and eta, amplitudes of shapes from these (Article (8))
@@ -140,7 +140,7 @@ def _modes_at_one_site(model: Parameters) -> ReducedModes:
 
 
 def _damped_modes(model: Parameters) -> ReducedModes:
-    """Free modes of a damped model; a massless site gets a little mass if damping needs it."""
+    """Free modes of a model in u and eta; a massless site gets a little mass if a damper acts."""
     m0, P = model.m0_matrix, model.inertias
 
     if isinstance(model.damping, DampingMatrix):
@@ -157,7 +157,7 @@ def _damped_modes(model: Parameters) -> ReducedModes:
 
 @dataclass(frozen=True, eq=False)
 class ReducedModes:
-    """Free modes of unit mass of a model, in its own coordinates."""
+    """Free modes of unit mass of a model, in u and eta, or in lambda for one site."""
 
     omega: Array  # (J,) ascending, exactly 0 for rigid-body modes [rad/s]
     shape: Array  # (p + N, J) the modes in u and eta

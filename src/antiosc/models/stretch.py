@@ -123,11 +123,11 @@ class Stretch(ReprMixin):
         return Stretch(self.modes @ turn, quadratic, cubic, k)
 
     def _pair_forces(self, turn: Array) -> Array:
-        """Quadratic forces (m, k, k) on the modes for products of two of the k amplitudes."""
+        """Quadratic forces (m, k, k) on modes for products of two amplitudes of `turn` (m, k)."""
         return np.asarray(np.einsum("mij,ik,jl->mkl", self.quadratic, turn, turn, optimize=True))
 
     def following(self, turn: Array, omega: Array) -> Array:
-        """Static response (m, k, k) of the other modes to products of two of the k amplitudes."""
+        """Static response (m, k, k) of all other modes to products of the amplitudes of `turn`."""
         stiffness = self.modes.T @ (omega[:, None] ** 2 * self.modes)
         forces = self._pair_forces(turn)
         columns = forces.reshape(self.size, -1)

@@ -405,7 +405,7 @@ def plot_masses(model: ModelLike, ax: Axes | None = None) -> Axes:
 
 
 def plot_model(model: ModelLike, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-    """The model as springs and masses, |Z| beyond the last antiresonance, and mass shares.
+    """Springs and masses of a model, |Z| up to 1.1 times its last antiresonance, mass shares.
 
     The first picture is drawn only for one site. `path` and the result are as for `plot_history`.
     InputError for a model without anti-oscillators.

@@ -78,7 +78,7 @@ def _draw_residual(ax: Axes, m0: float, k0: float, ends: tuple[float, float], y:
 
 
 def _draw_striker(ax: Axes, y: float, plate: float) -> None:
-    """Draw the striker and its contact spring above y, or above `plate`, the residual mass."""
+    """Draw the striker, raised by y, and its contact spring, above the residual mass at `plate`."""
     from matplotlib.patches import Circle
 
     ax.add_patch(Circle((0, y + 2.1), 0.55, facecolor="#f2c9a1", edgecolor=STRIKER_COLOUR, lw=1.2))

@@ -49,7 +49,7 @@ def draw_faces(
     """Draw faces (F, 3 or 4, 3), lines (F, 2, 3) or points (F, 1, 3), coloured by `value` (F,).
 
     A colour scale is drawn if there is a `label`; `darkest_shade`: factor on the colour of faces
-    that are parallel to the light; faces that are `outlined` are white.
+    that are parallel to the light; `outlined` (F,): faces drawn white with a black edge.
     """
     if label:
         figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
@@ -114,7 +114,7 @@ ENLARGED_SHARE = 0.08
 
 @dataclass(frozen=True, eq=False)
 class DeformedSurface:
-    """A deformed surface at one time."""
+    """A deformed surface at one time; `displacements` are its moved points."""
 
     #: points, moved: (P, 3) [m], at rest and with displacements drawn larger
     points: Array

@@ -48,7 +48,7 @@ POINTS_AT_ONCE = 4096
 def tensors_of_part(
     part: MeshedStructure, shapes: Array, quantity: str, place: Place, materials: Sequence[int]
 ) -> tuple[IntArray, IntArray, Array]:
-    """(nodes (S,), materials (S,), tensors (S, 6, columns)) of a part on this rank; collective."""
+    """(nodes (S,), materials (S,), tensors (S, 6, columns)) in cells of `materials`; collective."""
     mesh = part.mesh
     shapes = compat.with_ghosts(part.form.space, shapes)
     evaluate = evaluator(part, quantity, place)
@@ -105,8 +105,9 @@ def _at_nodes_of(
 
 def stress_errors_of_part(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
     """Estimated error (nodes,) [Pa] of von Mises stress: largest difference of a cell's stress from
-    the mean at the node (Zienkiewicz and Zhu); on sheets at the worse face. A node at a fold or in
-    one cell gets that cell's largest error. `factors` (nodes, columns): at each node's own time."""
+    the mean at the node (Zienkiewicz and Zhu); on sheets at the worse face. A node at a fold or of
+    one cell gets the largest error at other nodes of its cells. `factors` (nodes, columns): of
+    `shapes`, at the time of each node's value."""
     mesh = part.mesh
     cells_of_rank = compat.cell_index_map(mesh.dolfinx).size_local
     nodes = compat.geometry_nodes(mesh.dolfinx)[:cells_of_rank]
@@ -220,7 +221,8 @@ def recovered(
     reach: Reach,
     second_order: bool = False,
 ) -> Array:
-    """`quantity` (P, …, columns) of `shapes` at the structure's points nearest to `points`."""
+    """`quantity` (P, …, columns) of `shapes` at the structure's points nearest to `points` (P, 3);
+    `second_order`: with second-order strains."""
     _refuse_relaxing(structure, quantity)
     parts = with_parts(structure).fields(shapes, part)
     if place.stiffener is not None:
@@ -265,7 +267,7 @@ def relaxes(structure: Structure) -> bool:
 
 
 def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:
-    """(beams, shapes on their dofs) of the stiffeners named `name` on each sheet of `parts`."""
+    """[(beams, shapes on their dofs)] of the stiffeners named `name` on all sheets of `parts`."""
     beams = [
         (replace(member, part=beams_alone(lines)), lines.rows_of(shapes_of_part))
         for member, shapes_of_part in parts
@@ -306,7 +308,7 @@ def at_nodes(
 
 
 def preloaded_parts(structure: Structure, part: str | None) -> list[tuple[Member, Array]]:
-    """[(part, static displacements under the prestress)]; the parts have second-order strains."""
+    """[(part with second-order strains, its static displacements under prestress)]."""
     preload = structure.matrices.preload
     assert preload is not None
 
@@ -465,7 +467,7 @@ def stress_jumps(
     structure: Structure, shapes: Array, factors: Array, part: str | None = None
 ) -> Array | None:
     """Estimated errors (P,) [Pa] of von Mises stress at the points of `at_nodes`, on rank 0; None
-    without an estimate. `factors` (P, columns): factors of the shapes at each point's own time."""
+    without an estimate. `factors` (P, columns): factors of the shapes at the time of each point."""
     if not families(structure, part) & ESTIMATED_KINDS:
         return None
     parts = with_parts(structure).fields(shapes, part)

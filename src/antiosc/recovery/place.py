@@ -33,7 +33,7 @@ SHEET_SURFACES = ("top", "bottom", "middle")
 
 @dataclass(frozen=True)
 class Reach:
-    """Largest distance of a point from the structure, up to which it is moved onto it."""
+    """Largest distance from which a point off the structure is moved onto the structure."""
 
     what: str  # the point in words, for messages
     #: largest distance [m]; None: `SNAP_SHARE` of the part's size, or one element
@@ -61,13 +61,13 @@ class Reach:
         )
 
     def check_at(self, point: Array, place: PartPlace) -> None:
-        """`check` of a point (3,) and its place on a part; the point is in the structure's axes."""
+        """`check` for a `point` (3,) in the structure's axes and its nearest `place` on a part."""
         extent = place.member.part.mesh.extent()
         self.check(point, place.placed, extent, lambda: place.cell_size)
 
 
 def check_reach(reach: Reach, point: Array, points: Array, nearest: int) -> None:
-    """`Reach.check` for node `nearest` of `points` (P, 3); element size: distance to the next."""
+    """`Reach.check` for node `nearest` of `points` (P, 3); element size: distance to next node."""
     x = points[nearest]
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     reach.check(

@@ -48,7 +48,7 @@ def column_tensors(six: Array) -> Array:
 
 class PointsInCells:
     """Points X (P, tdim) in `cells` (P,) of this rank, with motions `shapes` (dofs with ghosts,
-    columns). With `factors` (P, columns) the one motion at a point is the sum factor · shape."""
+    columns). With `factors` (P, columns) each point has one motion, Σ factor · shape."""
 
     def __init__(
         self,
@@ -79,7 +79,7 @@ class PointsInCells:
         return PointsInCells(self.part, self._shapes, cells, X), number
 
     def dofs(self, names: str | tuple[str, ...]) -> Array:
-        """Dofs (P, functions, len(names), columns) of components; 0 for missing components."""
+        """Values (P, functions, names, columns) of the cells' dofs; 0 for missing components."""
         components = self.part.form.components
         factors = self._factors
         count = self._shapes.shape[1] if factors is None else 1
@@ -119,7 +119,7 @@ class PointsInCells:
         return np.einsum("pf,pfck->pck", table, dofs, optimize=True)
 
     def slopes(self, dofs: Array, inverse: Array | None = None) -> Array:
-        """Derivatives (P, components, tdim, columns) by X, or with inverse Jacobians by x."""
+        """Derivatives (P, components, tdim, columns) by X; by x if `inverse`, dX/dx, is given."""
         tdim = self.part.mesh.tdim if inverse is None else inverse.shape[2]
         if not len(self.X):
             return np.zeros((0, dofs.shape[2], tdim, dofs.shape[3]))
@@ -202,7 +202,7 @@ def truss_section_forces(at: PointsInCells, place: Place) -> Array:
 
 
 def _axial_strain(at: PointsInCells) -> Array:
-    """Axial strains (P, columns), with second-order strains if there is a static state."""
+    """Axial strains (P, columns); to second order if the part has initial strains."""
     length = np.linalg.norm(at.J[:, :, 0], axis=1)[:, None]
     slope = at.slopes(at.dofs("xyz"))[:, :, 0] / length[:, :, None]
     axial_strain = np.einsum("pck,pc->pk", slope, at.J[:, :, 0] / length)
@@ -219,7 +219,7 @@ def _second_order_strain(at: PointsInCells, slope: Array) -> Array:
 def truss_tensors(
     at: PointsInCells, place: Place, sizes_of: Callable[[Material], list[float]]
 ) -> Array:
-    """Tensors (P, 3, 3, columns): axial strain × factors `sizes_of(material)`: (along, across)."""
+    """Tensors (P, 3, 3, columns) of bars: axial strain × `sizes_of(material)`, (along, across)."""
     if place.local:
         axial_tensor = np.broadcast_to(np.diag([1.0, 0, 0]), (len(at.cells), 3, 3))
     else:
@@ -299,7 +299,7 @@ def _fibre_position(beam: Beam, place: Place) -> list[float]:
 
 
 def _section_strains_at(at: PointsInCells, frame: BeamFrame) -> Array:
-    """The six section strains (P, 6, columns), evaluated at the points, not at Gauss points."""
+    """Section strains (ε, γy, γz, twist, κy, κz) (P, 6, columns), evaluated at the points."""
     length = np.linalg.norm(at.J[:, :, 0], axis=1)[:, None, None]
     displacements = at.dofs("xyz")
     rotations = at.dofs(("rx", "ry", "rz"))
@@ -368,7 +368,7 @@ class Strains(NamedTuple):
 
 
 class SheetAxes:
-    """0° direction (default: x, or y) and top side of each cell; all ranks construct it."""
+    """0° direction (default: x, or y if x is near the normal) and top of each cell; collective."""
 
     def __init__(self, part: MeshedStructure) -> None:
         self.axis, self.side = part.axes_and_sides

@@ -52,7 +52,7 @@ def free_sites(
     most: float = math.inf,
     most_sites: int | None = None,
 ) -> FreeSites:
-    """Sites of a map, rigid-body modes, at most `most` elastic modes; the rest as `impact_map`."""
+    """`FreeSites` with at most `most` elastic modes; `band` [rad/s], the rest as `impact_map`."""
     with doing("finding the sites of the map"):
         map_sites = sites_of(matrices, where, direction, radius, most_sites)
 

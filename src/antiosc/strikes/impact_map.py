@@ -392,7 +392,7 @@ def with_stresses(structure: Structure, impact_map: ImpactMap, most: int | None)
 
 
 def _yielded_radius(law: ContactLaw | None, force: float) -> float:
-    """Radius [m] of a yielding contact, the larger of Hertz's and the fully plastic; 0 if none."""
+    """Radius [m] of a yielding contact, the larger of Hertz's and the plastic; 0 if elastic."""
     if not isinstance(law, ElasticPlastic) or not law.yield_force < force:
         return 0.0
     hertz = (force * law.radius**1.5 / law.stiffness) ** (1 / 3)

@@ -278,7 +278,7 @@ def hardest(
 
 
 def spread_sites(impact_map: ImpactMap, most: int) -> IntArray:
-    """At most `most` reliable sites: that of largest force, then the farthest from all chosen."""
+    """At most `most` reliable sites, far apart, with the site of the largest force among them."""
     sites = trusted(impact_map)
     if len(sites) <= most:
         return sites
@@ -294,7 +294,7 @@ def spread_sites(impact_map: ImpactMap, most: int) -> IntArray:
 
 
 def excited_band(impactor: LinearBody | None, contact: ContactLaw | None) -> float | None:
-    """The band [rad/s] that the impact of a moving impactor excites."""
+    """The band [rad/s] that an impact excites; None without a moving impactor or a law."""
     if impactor is None or contact is None or not getattr(impactor, "velocity", 0.0) > 0:
         return None
     return 2 * math.pi * impact_band(impactor, contact)

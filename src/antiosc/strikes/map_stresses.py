@@ -105,7 +105,7 @@ def largest_stresses(
 
 
 def sides(structure: Structure) -> list[Place]:
-    """Both sides of sheets; for other parts a single position."""
+    """Places across the thickness to evaluate: both sides of sheets, one place in other parts."""
     members = with_parts(structure).fields(np.zeros((structure.rows, 0)), None)
     sheets = any(member.part.kind.sheet for member, _ in members)
     return [place(side, None, None, "global") for side in ("top", "bottom")[: 1 + sheets]]
@@ -176,7 +176,7 @@ def _largest_stress(columns: Array, x: Array, weights: Array) -> tuple[float, in
 
 
 def _principal_rotation(columns: Array, x: Array) -> tuple[Array, Array, Array]:
-    """(columns and factors rotated to principal components, bounds (S,) on the stress in a run)."""
+    """(`columns` and factors `x` in principal components, bounds (S,) on the stress in a run)."""
     sizes = np.sqrt(np.einsum("spb,spb->b", columns, columns))
     sizes = np.where(sizes > 0, sizes, 1.0)
     weighted = x * sizes

@@ -157,7 +157,7 @@ def struck_again(hit: History, structure: Structure, model: AntiOscillators) -> 
 
 
 def stress_bar(field: PeakField) -> tuple[float, float]:
-    """Relative mesh errors (below, above) of the largest stress that the margin counts.
+    """Relative mesh errors (below, above) of the largest stress at nodes in the strength margin.
 
     The lower bound uses the error at the node of that stress. Errors at other nodes may be too
     small by chance: the largest of all lower bounds was above the truth in 2 of 28 impacts.

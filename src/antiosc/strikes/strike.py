@@ -508,7 +508,7 @@ def _no_room_text(answer: MeshAnswer, tol: float) -> str:
 def _finished_history(
     answer: MeshAnswer, aim: float, tol: float, records: list[dict[str, float]], reason: str
 ) -> History:
-    """The history with its budget; `aim`: numerical tolerance, `reason`: for no further mesh."""
+    """The history with its budget; `aim`: numerical tolerance, `reason`: why no mesh follows."""
     hit = answer.hit
     budget = answer.budget
     model = replace(hit.model, info=hit.model.info.having(strike=records))

@@ -114,7 +114,7 @@ def factor_entries(structure: Structure) -> float:
 def run_unreduced(
     make_blow: Callable[[], UnreducedImpact], seconds: float, report: Callable[[str], None]
 ) -> MethodOutcome | str:
-    """Run the unreduced model; if it is not run (forecast > `seconds`), return the reason."""
+    """Outcome of the unreduced model, or why there is none (forecast > `seconds`, or an error)."""
     try:
         blow = make_blow()
         expected = blow.structure.seconds["assembly"]

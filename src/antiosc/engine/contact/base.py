@@ -324,6 +324,6 @@ class Compiled(Checked, ContactLaw):
 
 
 def is_compiled(law: ContactLaw) -> TypeGuard[Compiled]:
-    """Whether the C library has this law; no user subclasses, as they may override functions."""
+    """Whether the C library has this law; False for user subclasses: they may override methods."""
     module = type(law).__module__
     return isinstance(law, Compiled) and module.startswith("antiosc.engine.contact.")

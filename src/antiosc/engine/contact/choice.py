@@ -213,6 +213,6 @@ def _punch_choice(first: Surface, second: Surface, modulus: float) -> Choice:
 
 
 def elastic_pressure(law: ElasticPlastic, depth: float) -> float:
-    """Largest pressure [Pa] of an elastic contact with the work of `law` up to a depth [m]."""
+    """Largest pressure [Pa] of a Hertz contact with the loading work of `law` at a depth [m]."""
     elastic = (2.5 * law.loading_work(depth) / law.stiffness) ** 0.4
     return 2 * law.modulus / pi * sqrt(elastic / law.radius)

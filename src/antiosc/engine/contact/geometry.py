@@ -40,7 +40,7 @@ def effective_modulus(E1: float, nu1: float, E2: float | None, nu2: float | None
 
 
 def relative_curvatures(radii1: Radii, radii2: Radii, angle: float) -> tuple[float, float]:
-    """A <= B [1/m] of the gap A x^2 + B y^2 between surfaces at an angle [degree], (4.3)-(4.5)."""
+    """A <= B [1/m] of the gap A x^2 + B y^2; `angle` in degrees (Johnson, (4.3)-(4.5))."""
     first = _curvatures("radii1", radii1)
     second = _curvatures("radii2", radii2)
     A, B = relative_of_curvatures(first, second, angle)
@@ -84,8 +84,8 @@ def equivalent_circle(E_star: float, A: float, B: float) -> EquivalentCircle:
     It therefore yields where the ellipse does, except for slender ellipses, and has the same area,
     pi R delta. In full plasticity the area of the ellipse is 2 pi delta/(2 sqrt(A B)), larger by 2,
     6, 13 % for B/A = 3, 10, 50; the pressure of a line contact is (2 + pi)/sqrt(3) Y, 6 % above
-    2.8 Y of a ball (R. Hill, The Mathematical Theory of Plasticity, 1950). The error is the sum of
-    both; by finite elements it is 1 and 4 % for B/A = 3 and 10 (measured).
+    2.8 Y of a ball (R. Hill, The Mathematical Theory of Plasticity, 1950). The error is the sum
+    of both differences; by finite elements it is 1 and 4 % for B/A = 3 and 10 (measured).
     """
     if A == B:
         return EquivalentCircle(E_star, 1 / (2 * A), 0.0)
@@ -98,7 +98,7 @@ def equivalent_circle(E_star: float, A: float, B: float) -> EquivalentCircle:
 
 
 def _ellipse(ratio: float) -> tuple[float, float, float]:
-    """(b/a)^2, D and K of the contact ellipse from B/A >= 1."""
+    """(b/a)^2 and elliptic integrals D and K of the contact ellipse, from B/A >= 1."""
     if ratio - 1 <= 1e-12:
         return _integrals(1.0)
 
@@ -114,7 +114,7 @@ def _ellipse(ratio: float) -> tuple[float, float, float]:
 
 
 def _integrals(m1: float) -> tuple[float, float, float]:
-    """(b/a)^2, D and K of an ellipse by Carlson's integrals, DLMF 19.25.1; B/A = (K - D)/(m1 D)."""
+    """(m1 = (b/a)^2, D, K) by Carlson's elliptic integrals, DLMF 19.25.1; B/A = (K - D)/(m1 D)."""
     from scipy.special import elliprd, elliprf  # loaded where they are used
 
     return m1, float(elliprd(0.0, m1, 1.0)) / 3, float(elliprf(0.0, m1, 1.0))

@@ -204,7 +204,7 @@ HERTZ_EXPONENT = 1.5
 class _Damped(PatchedLaw):
     """Base of damped laws: F = stiffness * delta^exponent * (1 + d * rate/v0), never negative.
 
-    stiffness [N/m^exponent] > 0; restitution 0 < e <= 1; exponent >= 1 (1.5 as in Hertz's law).
+    v0: speed of approach; stiffness [N/m^exponent]; restitution 0 < e <= 1; exponent >= 1.
     """
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m^exponent"))
@@ -343,8 +343,8 @@ class ElasticPlastic(Hysteretic):
     nu : float
         Poisson's ratio of the side that yields first.
     elastic_share : float
-        Share of the flexibility 1/E* of the other side, which stays elastic: 0 for a rigid side,
-        0.5 for an equally stiff one; also 0 if both sides are equal and both yield.
+        Share of the other side, which stays elastic, in the flexibility 1/E*: 0 if it is rigid,
+        0.5 if it is equally stiff; also 0 if both sides are equal and both yield.
     compliance : float
         c [m/N], >= 0: half-space compliance of a patch, which the structure already contains.
 
@@ -424,7 +424,8 @@ class Thornton(Hysteretic):
 
     Hertz's law up to the yield indentation. Beyond it, the pressure is limited and the force
     continues along the tangent. Unloading is Hertzian with the flattened radius R F_e/F_m, where
-    F_e is Hertz's force at the largest indentation, so that delta_p = delta_m (1 - F_m/F_e).
+    F_m is the force and F_e Hertz's force at the largest indentation delta_m; the permanent
+    indentation is delta_p = delta_m (1 - F_m/F_e).
 
     Parameters
     ----------
@@ -456,9 +457,9 @@ class Thornton(Hysteretic):
 class YangSun(Hysteretic):
     """Indentation law of laminates. S. H. Yang, C. T. Sun, ASTM STP 787 (1982) 425-449.
 
-    F = stiffness delta^1.5 on loading and reloading, unloading with the power 2.5, with
-    delta_p = delta_m [1 - (critical/delta_m)^(2/5)] beyond the critical indentation [m], else 0.
-    `stiffness` in N m^-3/2.
+    Loading: F = stiffness delta^1.5 (N m^-3/2). Unloading and reloading: powers 2.5 and 1.5 of
+    delta - delta_p. The permanent indentation is delta_p = delta_m [1 - (critical/delta_m)^(2/5)]
+    if the largest one delta_m exceeds `critical` [m], else 0.
     """
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N m^-3/2"))

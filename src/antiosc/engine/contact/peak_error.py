@@ -91,7 +91,7 @@ def largest_strain(choice: Choice) -> float:
 
 
 def stiffness_factors(choice: Choice, strain: float) -> tuple[float, ...]:
-    """Bounds on the stiffness factor at `strain` (indentation/radius), or () if it is small."""
+    """Bounds on the factor of stiffness by a `strain` (indentation/radius); () if it is small."""
     if strain < LEAST_STRAIN:
         return ()
     share = FORCE_LOSS_BY_STRAIN * sqrt(min(strain, LARGEST_STRAIN))

@@ -78,8 +78,8 @@ MOST_POINT_ROWS = 24
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """Rows C (m, n + k) of constraints. A row is solved for its `pivot` dof (-1: any of its dofs);
-    `owner` is the index of its label in `labels`."""
+    """Constraint rows C (m, n + k): n dofs, k prescribed values. A row is solved for its `pivot`
+    dof (-1: any); `owner` is the index of its label in `labels`."""
 
     C: Sparse
     pivot: IntArray
@@ -222,7 +222,7 @@ def _substituted(T: Sparse, solved: Sparse, pivots: IntArray) -> Sparse:
 
 
 def _solved_blocks(system: _System, remaining: IntArray) -> tuple[Sparse, IntArray, Counter[str]]:
-    """(solved rows, their pivots, number of redundant rows by joint) of rows that share dofs."""
+    """(solved rows, pivot dofs, number of redundant rows by joint) of `remaining` coupled rows."""
     pattern = abs(system.C[remaining][:, system.scale > 0])
     count, block = scipy.sparse.csgraph.connected_components(pattern @ pattern.T, directed=False)
     order = np.argsort(block, kind="stable")
@@ -479,7 +479,7 @@ def _joined(
 
 
 def _fixed_mask(layout: Layout) -> BoolArray:
-    """Mask of the fixed dofs of parts, and of the out-of-plane dofs of points of plane parts."""
+    """Mask of the parts' fixed dofs and, if parts are plane, of points' out-of-plane dofs."""
     fixed = np.zeros(layout.count, dtype=bool)
     for member in layout.members.values():
         fixed[member.first + member.part.fixed] = True
@@ -587,7 +587,7 @@ def _supported_nodes(layout: Layout, support: Support) -> list[tuple[Member, Int
 
 
 def superelement(layout: Layout, part: Superelement) -> ElasticTerm:
-    """K and M of a superelement as a term of the dofs that it has in u."""
+    """K and M of a superelement as a term on its dofs in the assembly's vector u."""
     functionals = layout.units(np.arange(part.rows.start, part.rows.stop))
     return ElasticTerm(functionals, part.K, part.M, rigid=part.rigid)
 

@@ -1,4 +1,4 @@
-"""`AssembledMatrices`: K and M of several parts with dofs u = T q; free motions; places.
+"""K and M of joined parts with dofs u = T q, strain-free motions, and points named by users.
 
 The rigid motions of all connected pieces of the parts span the strain-free motions before the parts
 are joined. The null vectors of K are the strain-free motions that satisfy all constraints and
@@ -79,7 +79,7 @@ def unjoined_bodies(layout: Layout) -> list[RigidDofs]:
 
 
 def _box_of(x: Array, layout: Layout) -> tuple[Array, float]:
-    """Centre (3,) and half the diagonal of the box of points x (n, 3) [m]."""
+    """Centre (3,) and half the diagonal of the bounding box of points x (n, 3) [m]."""
     size = float(np.linalg.norm(np.ptp(x, axis=0))) / 2
     return (x.min(axis=0) + x.max(axis=0)) / 2, max(size, 1e-9 * layout.size)
 
@@ -152,9 +152,9 @@ def modes_and_shift(
     motions: Array,
     bodies: Sequence[RigidDofs],
 ) -> tuple[Array, float]:
-    """(M-orthonormal strain-free motions (n, r) of q, shift) from strain-free `motions` (n, k) of
-    u. InputError for a point without mass or resistance; AccuracyError if a motion strains a
-    part."""
+    """(M-orthonormal strain-free motions (n, r) in q, shift [rad²/s²] of K + shift M) from the
+    strain-free `motions` (n, k) in u. InputError for a point without mass or resistance;
+    AccuracyError if a motion strains a part."""
     comm = MPI.COMM_SELF
     motions = eliminated.coordinates(motions)
 
@@ -214,7 +214,7 @@ class AddedTerms:
         self.M = (self._G_on_q.T @ self._m @ self._G_on_q).tocsr()
 
     def dissipation(self, *, on_u: bool = False) -> list[Dissipation]:
-        """Dashpots and Maxwell branches on q, or on u before the parts are joined."""
+        """Dashpots and Maxwell branches on q; `on_u`: on the dofs u of the unjoined parts."""
         functionals = [term.G for term in self._terms] if on_u else self._on_q
         pairs = zip(self._terms, functionals, strict=True)
         terms = [damper for term, G in pairs for damper in term.dampers(G)]
@@ -402,7 +402,7 @@ def block_diagonal(layout: Layout, matrices: Mapping[str, PETSc.Mat]) -> Sparse:
 def product_by_parts(
     layout: Layout, work: Callable[[MeshedStructure, Array], Array], u: Array
 ) -> Array:
-    """Vectors (n, k) on u; the rows of a meshed part are `work(part, its rows of u)`."""
+    """Vectors (n, k): in the rows of each meshed part, `work(part, rows of u)`; else zero."""
     result = np.zeros(u.shape)
     for member in layout.members.values():
         result[member.rows] = work(member.part, u[member.rows])
@@ -410,7 +410,7 @@ def product_by_parts(
 
 
 def as_petsc(name: str, matrix: Sparse, layout: Layout) -> PETSc.Mat:
-    """A matrix (n, n) of q in PETSc, with the block size of the nodes if all parts have one."""
+    """A PETSc matrix (n, n) on q; block size: dofs per node, if equal in all parts."""
     result = from_csr(name, matrix)
     blocks = {member.block for member in layout.members.values()}
     if len(blocks) == 1 and not layout.condensed:  # half a node orders badly
@@ -431,7 +431,7 @@ def _projected(T: Sparse, K: Sparse, added: Sparse) -> Sparse:
 
 
 def group_of(matrices: PartsMatrices, name: str, what: str = "point") -> tuple[Member, str]:
-    """(part, group) for the name of a group of one mesh, or "part:group"."""
+    """(part, group) for "part:group" in an assembly, or for a group of the only mesh."""
     if isinstance(matrices, AssembledMatrices):
         return matrices.layout.group_end(what, name)
     return matrices.members()[0], name
@@ -440,7 +440,8 @@ def group_of(matrices: PartsMatrices, name: str, what: str = "point") -> tuple[M
 def point_on_parts(
     matrices: PartsMatrices, point: Sequence[float] | str | None, part: str | None, node: int | None
 ) -> tuple[Array, str | None, PointMotion | None]:
-    """(coordinates (3,) [m], part or None, motion if the point has no mesh, else None)."""
+    """(coordinates (3,) [m], part or None, motion if it has no mesh, else None) of a point given by
+    coordinates, by name or by `node` number."""
     if node is not None:
         for member in matrices.members(part):
             mesh = member.part.mesh

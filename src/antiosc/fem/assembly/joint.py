@@ -65,7 +65,7 @@ END_CHECK = checked_by(checked_end)
 
 
 def motion_of_end(layout: Layout, end: End) -> PointMotion:
-    """The motion of an end at its reference point."""
+    """The motion of an end at its point or at its group's centroid."""
     end_motion = layout.motion_without_mesh(end)
     if end_motion is not None:
         return end_motion
@@ -210,7 +210,7 @@ class Eliminated:
     particular: Array | None = None
 
     def coordinates(self, u: Array) -> Array:
-        """Independent coordinates q of admissible motions u (n, k)."""
+        """q (n, k), zero at dependent dofs, of admissible motions u (n, k)."""
         q = np.array(u)
         q[self.dependent] = 0.0
         return q

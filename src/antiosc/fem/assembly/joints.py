@@ -1,4 +1,4 @@
-"""Joints of two ends, bolts, and groups that follow a point or are followed by one."""
+"""Joints between two ends, linear equations, and joints of a group with a point."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class _Pin(TwoEnds):
         return [Rows.free(rows, label)]
 
     def _constrained(self) -> Array:
-        """Directions (k, 6) in which displacements and rotations are equal."""
+        """The k displacements and rotations (k, 6) that are equal at both ends."""
         raise NotImplementedError
 
 
@@ -81,9 +81,9 @@ class Weld(_Pin):
     Parameters
     ----------
     a, b : ends
-        "part:group" (of several nodes: their mean motion), ("part", (x, y, z)), ("part", (x, y, z),
-        radius): the mean motion of the surface within the radius of a point, as under a screw's
-        head, or the name of a reference point.
+        "part:group" (of several nodes: its mean motion); ("part", (x, y, z)); ("part", (x, y, z),
+        radius), the mean motion of the surface within the radius [m] of a point, as under a
+        screw's head; or the name of a reference point.
     point : sequence of floats, optional
         Point of the joint, m; default: the point, or the centroid, of `a`. Ends that lie
         elsewhere are connected to it rigidly.
@@ -113,7 +113,7 @@ class _AxisJoint(_Pin):
     _turns_about_axis: ClassVar[bool] = True
 
     def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
-        """As `Weld.constraints`; InputError if a plane structure cannot move along the axis."""
+        """Constraints of the joint; InputError if plane parts cannot turn or slide on its axis."""
         rotated = abs(self.axis[2]) / float(np.linalg.norm(self.axis))
         free_rotation = self._turns_about_axis
         if layout.plane and abs(rotated - free_rotation) > COINCIDENT_SHARE:
@@ -162,8 +162,8 @@ EndMotion: TypeAlias = tuple[End, PointMotion]
 def motions_at(
     layout: Layout, label: str, ends: Sequence[EndMotion], point: Sequence[float] | None
 ) -> list[EndMotion]:
-    """For each end, the motion of `point` (None: point of the first end), rigidly tied to the end.
-    InputError for an end away from the point that has no rotation."""
+    """[(end, motion at `point`)] by rigid arms from the ends; `point` None: that of the first end.
+    InputError if an end away from the point has no rotations."""
     x = ends[0][1].point if point is None else in_space(point)
     result = []
     for end, end_motion in ends:
@@ -184,7 +184,7 @@ def motions_at(
 
 
 def relative_motion(label: str, directions: Array, a: EndMotion, b: EndMotion) -> Sparse:
-    """Motion (k, n) of b minus a along `directions` (k, 6); InputError if an end lacks one."""
+    """Motion (k, dofs) of b minus a's along `directions` (k, 6); InputError if an end lacks one."""
     for end, end_motion in (a, b):
         for direction in directions:
             turns = direction[3:].any()
@@ -267,7 +267,7 @@ AXES_CHECK = checked_by(by_components, "Bushing", AXES)
 
 
 def _checked_branches(_: str, branches: object) -> tuple[tuple[dict[str, float], float], ...]:
-    """Checked stiffnesses by component, and relaxation times."""
+    """Checked pairs (stiffness by component, relaxation time [s])."""
     if not isinstance(branches, list | tuple) or any(
         not isinstance(branch, list | tuple) or len(branch) != 2 for branch in branches
     ):
@@ -325,7 +325,7 @@ class Bushing(TwoEnds):
             )
 
     def elastic(self, layout: Layout, label: str) -> list[ElasticTerm]:
-        """A spring k (b − a)²/2 for each component."""
+        """One term: springs, dampers and branches of all components."""
         ends = [(end, motion_of_end(layout, end)) for end in (self.a, self.b)]
         constants = [self.stiffness, self.damping, *(values for values, _ in self.branches)]
         names = list(dict.fromkeys(name for values in constants for name in values))
@@ -415,8 +415,8 @@ class Rigid(Joint):
 class Mean(Joint):
     """A point follows the mean motion of a group (RBE3); its loads are distributed over the group.
 
-    The group is not stiffened. Faces, edges and cells count with their areas and lengths, points
-    equally.
+    The group is not stiffened. Faces, edges and cells are weighted by area, length and volume,
+    points equally.
 
     Parameters
     ----------
@@ -433,7 +433,7 @@ class Mean(Joint):
     name: str | None = field(default=None, metadata=NAME_CHECK)
 
     def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
-        """The point's displacement and rotation equal the mean displacement and rotation."""
+        """Constraints: the point's displacement and rotation equal the group's mean ones."""
         member, group = layout.group_end("group", self.group)
         nodes = member.nodes_of(group)
         follower = motion_of_end(layout, self.point)
@@ -532,7 +532,7 @@ class Bolt(TwoEnds):
 
 
 def beam_matrices(beam: Beam, length: float) -> tuple[Array, Array]:
-    """Stiffness, mass (12, 12), by static shape functions, of a beam along x, height along y."""
+    """(stiffness, mass) (12, 12) of a beam along x with height along y, by static shapes."""
     section = beam.section
     inertia = np.diag([section.A * beam.rho] * 3 + [0.0] * 3)
     inertia[3, 3] = beam.rho * (section.I + section.side)

@@ -62,12 +62,12 @@ class Superelement:
 
     @property
     def rows(self) -> slice:
-        """Its dofs in u."""
+        """The superelement's dofs in the assembly's vector u."""
         return slice(self.first, self.first + len(self.K))
 
     @property
     def points(self) -> Array:
-        """Coordinates (m, 3) of its sites or nodes [m]."""
+        """Coordinates (points, 3) [m] of the sites or nodes."""
         return np.array([end.point for end in self.ends.values()])
 
     def placed(self, at: Placement, first: int) -> Superelement:
@@ -77,7 +77,7 @@ class Superelement:
 
 
 def model_superelement(name: str, model: AntiOscillators) -> Superelement:
-    """The superelement of an anti-oscillator model of several sites; InputError if unsuitable."""
+    """The superelement of a model; InputError unless it has named sites and no damping."""
     points = model.info.points or {}
     direction = model.direction
     named = bool(model.sites) and set(points) == set(model.sites)
@@ -113,7 +113,7 @@ def model_superelement(name: str, model: AntiOscillators) -> Superelement:
 
 
 def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
-    """The superelement of given matrices; InputError if their nodes have no coordinates."""
+    """The superelement of matrices; InputError without coordinates, with a C, or if too large."""
     size = algebra.size(matrices.K)
     if not matrices.located or size > MOST_DENSE_DOFS or matrices.C is not None:
         raise InputError(
@@ -245,7 +245,7 @@ class Layout:
         return np.eye(3)
 
     def member(self, name: str, prefix: str = "") -> Member:
-        """A part with a mesh by its name; InputError, after `prefix`, if there is none."""
+        """The part `name`, which must have a mesh; `prefix` begins the text of the InputError."""
         if name in self.condensed:
             raise InputError(
                 f"{prefix}{name!r} is a superelement, whose sites and nodes are struck by name."
@@ -332,7 +332,7 @@ class Layout:
     # -- motions as functionals: row 3 p + c is component c of point p, in the assembly's axes
 
     def at_points(self, member: Member, cell: IntArray, X: Array, names: tuple[str, ...]) -> Sparse:
-        """Functionals (3P, n): DISPLACEMENTS or ROTATIONS (`names`) at X of P cells."""
+        """Functionals (3P, n): displacements or rotations (`names`) at points X of P cells."""
         space = member.part.form.space
         entries = []
         for axis, name in enumerate(names):
@@ -388,7 +388,7 @@ class Layout:
     def of_components(
         self, member: Member, names: tuple[str, ...], motions: Sparse
     ) -> Iterator[tuple[str, Sparse]]:
-        """Yield (name, rows (P, n)): motions (3P, n) along each axis of the part's components."""
+        """Yield (name, rows (P, n)): `motions` (3P, n) along the part's axis of each component."""
         for axis, name in enumerate(names):
             if name in member.part.form.components:
                 local_axis = member.at.rotation[:, axis]

@@ -61,7 +61,7 @@ class Facets(Entities):
 
     @cached_property
     def normals(self) -> Array:
-        """Unit normals (F, 3) of faces, unit tangents of edges, at the middle."""
+        """Unit normals (faces, 3), or unit tangents of edges, at their middle."""
         _, J = self.at(np.arange(len(self)), self.middle)
         raw_normals = np.cross(J[:, :, 0], J[:, :, 1]) if self.dim == 2 else J[:, :, 0]
         return np.asarray(raw_normals / np.linalg.norm(raw_normals, axis=1, keepdims=True))
@@ -73,7 +73,7 @@ class Facets(Entities):
         return degree if self.simplex else 2 * degree
 
     def rule(self, pieces: int = 1) -> tuple[IntArray, Array, Array]:
-        """(face, ξ, weight [m or m²]) of a quadrature on all faces; edges have `pieces` parts."""
+        """(face, ξ, weight [m or m²]) of quadrature points; `pieces`: subdivisions of each edge."""
         shape = ("interval", "triangle" if self.simplex else "quadrilateral")[self.dim - 1]
         xi, w = compat.quadrature(shape, 2 * self.degree)
         xi = xi.reshape(len(w), self.dim)
@@ -123,7 +123,7 @@ BESIDE_SHARE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """n quadrature points of a follower, and the nearest points of its leader."""
+    """n quadrature points x on the follower of a tie, nearest points y on its leader."""
 
     face: IntArray  # (n,) of the follower
     xi: Array  # (n, dim) coordinates in it
@@ -157,7 +157,7 @@ def overlap(follower: Facets, leader: Facets, gap: float) -> Overlap:
 
 
 def nearest_on_faces(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array, Array]:
-    """(face, ξ, point) of the nearest points of faces; the point is infinite beyond `reach`."""
+    """(face, ξ, point [m]) nearest to each of `points`; far beyond `reach` [m] it is infinite."""
     item, point = pairs_within(faces.centres, faces.radii + reach, points)
     xi = foot_coordinates(faces, item, points[point])
     x = faces.at(item, xi)[0]
@@ -178,13 +178,13 @@ class Tie(TwoEnds):
     Parameters
     ----------
     a, b : str
-        "part:group" of faces or of edges. Edges follow faces. Otherwise the follower is the side of
-        which the other covers the larger share; if the shares are equal, the finer mesh. The edge
-        of a shell on faces of a solid follows their displacement and rotation over its thickness;
-        its rotation about its normal stays free.
+        "part:group" of faces or of edges. Edges follow faces. Otherwise the follower is the side
+        with the larger share of its area covered; if the shares are equal, the finer mesh. The edge
+        of a shell on faces of a solid follows their displacement and rotation over the shell's
+        thickness; rotation about the normal stays free.
     gap : float, optional
         Largest distance between `a` and `b`, m; default: 0.3 of the size of their faces. Across a
-        gap the follower moves with the rotation of the other side.
+        gap the follower moves as on rigid arms from the other side.
     name : name of the joint in messages, optional
     """
 
@@ -251,7 +251,7 @@ def _projection_rows(
     tied_dofs: BoolArray,
     label: str,
 ) -> list[Rows]:
-    """Rows u_f − D⁻¹ M u_l = 0 for every component of the follower, by L2 projection."""
+    """Constraints: the follower's free dofs equal the L2 projection of the leader's motion."""
     phi = follower.basis(common.face, common.xi)
     nodes = np.flatnonzero(np.diff(phi.tocsc().indptr))
     phi = phi[:, nodes]
@@ -299,8 +299,8 @@ class _Projection:
     load: Sparse  # (nodes, points) φ times the weights of the points
 
     def component(self, free: BoolArray, motion: Sparse, layout: Layout, dofs: IntArray) -> Sparse:
-        """Projection of one component of the leader's `motion` (points, n) onto the `free` nodes;
-        `dofs` are the dofs of all nodes."""
+        """Projection (free nodes, n) of one component of the leader's `motion` (points, n) onto the
+        `free` nodes; `dofs`: dofs of this component at all nodes."""
         spread, inverse = self._inverted(free)
         right = spread @ self.load @ motion
         fixed_columns = (spread @ self.D).tocsc()[:, ~free]
@@ -309,15 +309,15 @@ class _Projection:
         return _dense_product(inverse, right.tocsr())
 
     def of(self, free: BoolArray, motion: Sparse) -> Sparse:
-        """Rows at free nodes (3 · free nodes, n) of the projection of vectors `motion`
-        (3 · points, n) onto all nodes."""
+        """Project the vectors `motion` (3 · points, n) onto all nodes; return the rows of the
+        `free` nodes, (3 · free nodes, n)."""
         inverse = np.linalg.inv(self.D.toarray())[free]
         parts = [_dense_product(inverse, (self.load @ motion[c::3]).tocsr()) for c in range(3)]
         order = np.arange(3 * int(free.sum())).reshape(3, -1).T.ravel()
         return scipy.sparse.vstack(parts).tocsr()[order]
 
     def _inverted(self, free: BoolArray) -> tuple[Sparse, Array]:
-        """(dual test functions of the free nodes, inverse of their mass matrix D)."""
+        """(test functions of free nodes as sums (free, nodes), inverse of their mass matrix)."""
         identity = scipy.sparse.identity(len(free), format="csr")
         spread = identity[free]
 
@@ -381,8 +381,8 @@ LEAST_MOMENT_SHARE = 0.1
 def edge_on_solid(
     layout: Layout, edge: Facets, face: Facets, common: Overlap, label: str
 ) -> tuple[Sparse, Sparse, Array]:
-    """(u₀ (3Q, n), n × g (3Q, n), normals n (Q, 3)) at Q points of a shell's edge; u₀ + s g is the
-    straight line fitted to the displacements of the solid's face."""
+    """(u₀ (3Q, dofs), n × g (3Q, dofs), normals n (Q, 3)) at Q points of a shell's edge; u₀ + s g
+    is fitted to the displacements of the solid's face at height s along n."""
     member = edge.member
     cells = edge.cells[common.face]
     _, J = member.part.mesh.geometry.at(cells, edge.reference(common.face, common.xi))
@@ -446,7 +446,7 @@ def rotation_rows(
     motion: Array | Sparse,
     label: str,
 ) -> Rows:
-    """Constraints that make the nodes' rotations follow `motion` = n × g (3 nodes, n); rotations
+    """Constraints: rotations of nodes across `normals` follow `motion` (3 nodes, dofs); rotations
     about `normals` stay free."""
     member = edge.member
     dofs = np.column_stack([layout.dofs(member, nodes, name) for name in ROTATIONS])

@@ -234,7 +234,7 @@ class Layer(Checked):
 
 
 def _cosine_sine(degrees: float) -> tuple[float, float]:
-    """Cosine and sine of degrees, exact at multiples of 90°: a cross-ply has no coupling."""
+    """Cosine and sine, exact up to a common sign at multiples of 90°: cross-plies do not couple."""
     if degrees % 90 == 0:
         if degrees % 180 == 0:
             return (1.0, 0.0)
@@ -299,7 +299,7 @@ class PlateSection:
 
     @property
     def has_sides(self) -> bool:
-        """Whether the sign of the normal matters: turning the section over changes it."""
+        """Whether turning the section over changes its constants: then the normal's sign counts."""
         changed = [  # by a flip their signs change
             *((M[:2, 2], np.abs(M).max()) for M in (self.A, self.D)),
             (self.S[0, 1], np.abs(self.S).max()),

@@ -64,8 +64,8 @@ class Beam(Isotropic):
         For the margin of safety (`peak_field`), Pa.
 
     Components in space: x, y, z (displacements) and rx, ry, rz (rotations); in a plane: x, y, rz.
-    Quadratic elements with two-point shear by default (`Structure(..., order=2)`); order=1 is the
-    classical element with one-point shear, as in the article.
+    Elements are quadratic by default (`Structure(..., order=2)`), with K integrated at two points;
+    order=1 is the classical element, with one point, as in the article.
     """
 
     kind: ClassVar[Kind] = Kind("beam", outside=False, point_load=True)
@@ -82,7 +82,7 @@ class Beam(Isotropic):
             raise InputError(f"offset = {self.offset:g} m needs an orientation, as (0, 0, 1).")
 
     def shear_stiffness(self, plane: int, size: float) -> float:
-        """G κ A [N] along the height (plane 0) or across it (1); a penalty if `shear=False`."""
+        """G κ A [N] along the height (plane 0) or across it (1); penalty ∝ EI/`size`² if rigid."""
         I, shear = self.section.planes[plane]  # noqa: E741
         if self.shear:
             return self.G * self.section.A * shear
@@ -93,7 +93,7 @@ class Beam(Isotropic):
         return self.rho * I if self.shear else 0.0
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-        """Strain and kinetic energy of the axis, in a plane or in space."""
+        """Weak form of beams; InputError for a mesh that does not suit them."""
         if mesh.tdim != 1:
             raise InputError(f"Beam needs a mesh of lines; {mesh.name} is of {mesh.cell}s (Solid).")
         if mesh.order != 1:
@@ -103,9 +103,9 @@ class Beam(Isotropic):
         return line_weak_form(mesh, parts, order)
 
     def dimensions(self, box: Box, materials: Sequence[Beam]) -> Box:
-        """(length, width, thickness) of a beam, with rectangles of the sections' A and I.
+        """(length, width, thickness) [m] of a beam, from rectangles with the sections' A and I.
 
-        The thickness is the least height, the width the largest A divided by it.
+        The thickness is the least height; the width is the largest A over the thickness.
         """
         sections = [material.section for material in materials]
         thickness = min((12 * section.I / section.A) ** 0.5 for section in sections)
@@ -113,7 +113,7 @@ class Beam(Isotropic):
 
 
 def line_weak_form(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> WeakForm:
-    """Weak form of beams (order 3 on edges of cubic triangles); `on_sheet`: shell stiffeners."""
+    """Weak form of beams; `on_sheet`: stiffeners of a shell, whose twist moves no centroid."""
     names = ("x", "y", "rz") if mesh.gdim == 2 else ("x", "y", "z", "rx", "ry", "rz")
     space = compat.lagrange_space(mesh.dolfinx, order, len(names))
     w = ufl.TrialFunction(space)
@@ -225,7 +225,7 @@ def _height_coefficient(mesh: Mesh, parts: Parts) -> Expr:
 
 
 def height_directions(beam: Beam, axis: Array, middle: Array) -> Array:
-    """Unit height directions (n, 3) of elements with these axes (n, 3) and midpoints (n, 3)."""
+    """Unit orientation vectors (n, 3); their components across `axis` are the heights."""
     if beam.orientation is None:
         if not beam.section.isotropic:
             raise InputError(
@@ -298,6 +298,6 @@ class Truss(Isotropic):
         )
 
     def dimensions(self, box: Box, materials: Sequence[Truss]) -> Box:
-        """(length, width, thickness), as if bars were square: the thickest and thinnest side."""
+        """(length, largest side, least side) [m], as if the bars' sections were squares."""
         areas = [material.area for material in materials]
         return box[0], sqrt(max(areas)), sqrt(min(areas))

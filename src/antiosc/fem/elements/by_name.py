@@ -37,7 +37,7 @@ def material(
     Parameters
     ----------
     name : str
-        A name of the list `antiosc materials`, or a part that only one name contains: "6061".
+        A name of the list `antiosc materials`, or a text that only one of them contains: "6061".
     E, nu, rho, yield_strength, yield_range : optional
         Values instead of the table's: Pa, 1, kg/m³, Pa, (Pa, Pa). A yield strength without a range
         is taken as exact.

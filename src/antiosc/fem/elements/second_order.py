@@ -70,8 +70,8 @@ class SecondOrderStrain(NamedTuple):
     degree: int
 
     def energy(self, u: Expr, initial: Expr | None = None) -> Expr:
-        """Energy density of u in addition to the linear ε:C:ε/2; `initial`: stress-free strain. Its
-        second derivative at u is K_σ plus the change of the elastic stiffness."""
+        """Energy density of u in addition to the linear ε:C:ε/2; `initial`: stress-free strain. The
+        energy's second derivative at u is K_σ plus the change of the elastic stiffness."""
         strain = self.strain(u)
         eta = self.eta(u, u)
         energy = ufl.inner(self.forces(strain), eta) / 2 + ufl.inner(self.forces(eta), eta) / 8
@@ -80,7 +80,7 @@ class SecondOrderStrain(NamedTuple):
         return energy
 
     def geometric_stiffness(self, u: Expr, initial: Expr | None, v: Expr, w: Expr) -> Expr:
-        """Density of the geometric stiffness K_σ at u: N : η(v, w)."""
+        """Density N : η(v, w) of the geometric stiffness at u; `initial`: stress-free strain."""
         strain = self.strain(u) + self.eta(u, u) / 2
         if initial is not None:
             strain = strain - initial
@@ -185,8 +185,8 @@ SHARE_DEGREE = 6
 
 def relative_stiffening(part: MeshedStructure, shape: Array, stiffness: float) -> float:
     """Relative change [1/m] of a sheet's secant stiffness per metre of deflection, < 0 if it
-    softens. The energy of q × shape is k q²/2 + g q³/2 with g = ∫ N : η, its derivative the force
-    k q (1 + 3 g q/(2 k))."""
+    softens. With k = `stiffness` and g = ∫ N : η, q × `shape` has the energy k q²/2 + g q³/2 and
+    the force k q (1 + 3 g q/(2 k))."""
     if is_flat(part) and part.preload is None:
         return 0.0
     points = _points_by_rule(part, SHARE_DEGREE)
@@ -229,7 +229,7 @@ PLANE_PAIRS = ((0, 0), (1, 1), (0, 1))
 
 @dataclass(eq=False)
 class PartPoints:
-    """The Gauss points of a part."""
+    """Strain operators at the n Gauss points of a part."""
 
     gradient: scipy.sparse.csr_matrix  # (n d, nodes) derivatives of functions on the nodes
     weight: Array  # (n,)
@@ -251,12 +251,12 @@ class PartPoints:
         return replace(self, base=self.slopes(state))
 
     def slopes(self, motion: Array) -> Array:
-        """Derivatives (n, d, b) of a motion (dofs,) at the points."""
+        """Derivatives (points, directions, components) of a motion (dofs,)."""
         derivatives = self.gradient @ motion.reshape(-1, self.components)
         return np.asarray(derivatives.reshape(self.weight.size, -1, self.components))
 
     def stress(self, slopes: Array) -> Array:
-        """Weighted stresses C ε (n, s) of a motion with the derivatives `slopes` (n, d, b)."""
+        """weight × stress C ε (points, s) of a motion with derivatives `slopes` (points, d, b)."""
         every = np.broadcast_to(self.strain, (self.weight.size, *self.strain.shape[1:]))
         strain = np.einsum("nsdb,ndb->ns", every, slopes, optimize=True)
         if self.base is not None:
@@ -268,15 +268,15 @@ class PartPoints:
         return np.einsum("nst,nt->ns", self.stiffness, strain) * self.weight[:, None]
 
     def second(self, a: Array, b: Array) -> Array:
-        """η (n, s) of two motions with derivatives a and b (n, d, b)."""
+        """Second-order strain η (points, s) of motions with derivatives a, b."""
         u = a[:, :, : self.moved]
         v = b[:, :, : self.moved]
         product = u @ v.transpose(0, 2, 1)
         return np.asarray(product.reshape(len(a), -1) @ self.square.T)
 
     def load(self, strained: Array, pushed: Array) -> Array:
-        """Nodal forces (dofs,), also on fixed dofs, for the virtual work Σ strained·ε(w) +
-        pushed·∇w."""
+        """Nodal forces (dofs,), also at fixed ones, of stresses `strained` (points, s) and `pushed`
+        (points, d, b): virtual work Σ strained·ε(w) + pushed·∇w."""
         if len(self.strain) == 1:
             strain = self.strain[0].reshape(strained.shape[1], -1)
             stress = (strained @ strain).reshape(pushed.shape)

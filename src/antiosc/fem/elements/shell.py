@@ -280,7 +280,8 @@ def dropped_shear(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Ex
 
 @cache
 def _cubic_remainders() -> Array:
-    """Coefficients (cubic, direction, component, 7) of (1 − R)ξᵖηᑫ in QUADRATIC and the cubic."""
+    """Coefficients (cubic, direction, component, 7) of cubics minus their quadratic interpolants:
+    of the QUADRATIC_POWERS, then of the cubic."""
     lattice = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 
     def powers(X: Array, p: int, q: int) -> Array:

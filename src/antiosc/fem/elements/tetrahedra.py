@@ -62,7 +62,7 @@ class Cells(ABC):
 
     @abstractmethod
     def blocks(self, k: float, m: float) -> Iterator[Array]:
-        """Yield the diagonal 3×3 blocks (n, 3, 3) of k K + m M of the cells at each node."""
+        """Yield, node by node, the diagonal blocks (n, 3, 3) of k K + m M of the n cells."""
 
     @abstractmethod
     def _argument(self, nodes: int, arrays: Sequence[int]) -> Structure:
@@ -74,7 +74,7 @@ class Cells(ABC):
         """The arrays that the argument of the C kernel points to, in double precision."""
 
     def add(self, k: float, m: float, u: Array, out: Array, linear: bool = False) -> None:
-        """Add (k K + m M) u of the cells to `out`, with ghosts; `linear`: u is linear in cells."""
+        """Add (k K + m M) u to `out`, ghosts included; `linear`: u is linear in each cell."""
         if u.dtype not in self._arguments:
             arrays = [array.astype(u.dtype, copy=False) for array in self._arrays]
             addresses = [library.address(array) for array in arrays]
@@ -206,7 +206,8 @@ def _diagonal_blocks(lame: Array, shear: Array, inertia: Array) -> Array:
 
 
 def _mean_gradient_products(slopes: Array, ends: Sequence[int]) -> Array:
-    """Mean (n, 3, 3) of grad N ⊗ grad N; `slopes` (n, 4, 3): barycentric coordinates' gradients."""
+    """Mean (n, 3, 3) of grad N ⊗ grad N for the node at or between corners `ends`;
+    `slopes` (n, 4, 3): barycentric coordinates' gradients."""
     g = slopes[:, ends[0]]
     if len(ends) == 1:
         return np.asarray(0.6 * g[:, :, None] * g[:, None])
@@ -269,7 +270,7 @@ def cellwise_products(
 
 class Tetrahedra:
     """This rank's cells of a part, for products with K and M. `conditions`: fixed dofs (with
-    ghosts) by path of the component; their rows and columns are 1 in K, 0 in M."""
+    ghosts) by path of the component; their rows and columns are zero but for 1 on K's diagonal."""
 
     def __init__(
         self,
@@ -313,7 +314,7 @@ class Tetrahedra:
         )
 
     def product(self, x: Array, k: float, m: float, linear: bool = False) -> Array:
-        """(k K + m M) x (rows of this rank[, columns]) in its precision; `linear`: see `Cells`."""
+        """(k K + m M) x (rows of this rank[, columns]); `linear`: x is linear in each cell."""
         columns = x if x.ndim > 1 else x[:, None]
         result = np.empty(columns.shape, x.dtype, order="F")
         for j, column in enumerate(columns.T):
@@ -372,7 +373,7 @@ class Tetrahedra:
         return result
 
     def coarse(self, P: PETSc.Mat, fixed: IntArray) -> Tetrahedra:
-        """Linear elements on these cells with `fixed` dofs; P projects the added matrices."""
+        """`Tetrahedra` of linear elements with `fixed` dofs; attached matrices A become PᵀAP."""
         result = Tetrahedra(self._mesh, self.linear, self._parts, {})
         result._held = fixed
         result.added = tuple(matrix.ptap(P) if self.carries else matrix for matrix in self.added)

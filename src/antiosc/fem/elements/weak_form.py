@@ -85,7 +85,7 @@ DIRECTION_CHECK = checked_by(checked_direction)
 
 
 def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function]:
-    """(0° direction in the sheet, ±1: whether the top is on the normal's side) of each cell."""
+    """(0° direction, not projected onto the sheet; 1 if the normal points to the top, else -1)."""
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
     normals = _normals(mesh, x)
     axes = compat.cellwise_function(mesh.dolfinx, 3)
@@ -135,8 +135,8 @@ def _directions_at(name: str, direction: Direction, x: Array) -> Array:
 
 
 def _refuse_parallel(sine: Array, x: Array, what: str) -> None:
-    """InputError for a cell (nodes x) with `sine` (cells, points) below LEAST_SINE; `what`: the
-    direction, for the message."""
+    """InputError if `sine` (cells, points) is below LEAST_SINE in a cell with nodes x; `what`: the
+    fault, for the message."""
     bad = sine.min(axis=1) < LEAST_SINE
     if bad.any():
         raise InputError(
@@ -266,7 +266,7 @@ class Family(Protocol):
         ...
 
     def dimensions(self, box: Box, materials: Sequence[Material]) -> Box:
-        """(length, width, thickness) [m] of a part of these materials in a box.
+        """(length, width, thickness) [m] of a part with these materials and the bounding `box`.
 
         The part bends across its thickness.
         """
@@ -288,7 +288,7 @@ Parts = Sequence[tuple[Material, IntArray]]
 
 
 def _checked_prony(name: str, value: object) -> tuple[tuple[float, float], ...]:
-    """Pairs (ratio, relaxation time) > 0."""
+    """Checked pairs (stiffness ratio, relaxation time [s])."""
     pairs = floats(name, list(value) if isinstance(value, list | tuple) else value, None)
     if not pairs.size:
         return ()
@@ -359,7 +359,7 @@ class Isotropic(Checked):
         return self.E / (2 * (1 + self.nu))
 
     def half_space_compliance(self, cosine: float) -> float:
-        """0: the family has no local indentation, which only the contact law describes."""
+        """0: in this family, only the contact law describes the local indentation."""
         return 0.0
 
     def bar_speed(self) -> float:

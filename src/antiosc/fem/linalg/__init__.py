@@ -16,8 +16,8 @@ def solver_for(
     prolongation: Callable[[], Matrix | None] = lambda: None,
     columns: float = 1.0,
 ) -> Solver:
-    """The solver of A by `choice`; `motions` and `prolongation` as in `Levels`; `columns`: number
-    of right-hand sides at once (inf: always a direct solver)."""
+    """The solver of A by `choice`; multigrid uses the rigid-body `motions` and the `prolongation`
+    from coarse dofs; `columns`: right-hand sides at once (inf: always a direct solver)."""
     if is_scipy(A):
         return SuperLU(A)
     from antiosc.fem.linalg import iterative, solver_choice  # need PETSc

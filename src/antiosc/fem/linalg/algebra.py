@@ -53,7 +53,7 @@ def size(matrix: Matrix) -> int:
 
 
 def row_range(matrix: Matrix) -> tuple[int, int]:
-    """First and last + 1 row of this rank."""
+    """(first row, last row + 1) of this rank."""
     first, last = (0, matrix.shape[0]) if is_scipy(matrix) else matrix.getOwnershipRange()
     return int(first), int(last)
 
@@ -150,8 +150,8 @@ def conjugate_gradients(
     inner: Callable[[Array, Array], Array],
     most: int,
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Solve A X = R (rows, k) by conjugate gradients: yield the start and at most `most` steps (X,
-    rᵀB r (k,), xᵀA x (k,)); B is the preconditioner `inverse`, `inner` gives xᵀy of columns."""
+    """Solve A X = R (rows, k) by conjugate gradients: yield (X, rᵀB r (k,), xᵀA x (k,)) first
+    and after each of `most` steps; B: preconditioner `inverse`; `inner` gives xᵀy of columns."""
     X = np.zeros(R.shape)
     r = np.array(R)
     energy = np.zeros(R.shape[1])
@@ -178,12 +178,12 @@ def conjugate_gradients(
 
 
 def column_products(comm: MPI.Comm, X: Array, Y: Array) -> Array:
-    """xᵀy over all ranks of vectors as columns of X and Y (rows, k): (k,)."""
+    """xᵀy (k,) over all ranks of the columns x of X and y of Y (rows, k)."""
     return np.asarray(comm.allreduce(np.einsum("ij,ij->j", X, Y)))
 
 
 def norms(comm: MPI.Comm, X: Array) -> Array:
-    """Euclidean norms over all ranks of vectors as columns (rows, k): (k,)."""
+    """Euclidean norms (k,) over all ranks of the columns of X (rows, k)."""
     return np.sqrt(column_products(comm, X, X))
 
 
@@ -198,14 +198,14 @@ def diagonal_roots(matrix: Matrix) -> Array:
 
 
 def force_ratios(matrix: Matrix, X: Array) -> Array:
-    """‖Ax/√D‖/‖√D x‖ (k,) of x in X, D = diag A; 1e-16 if Ax = 0."""
+    """‖Ax/√D‖/‖√D x‖ (k,) of columns x, D = diag A; about 1e-16 for null vectors."""
     comm = communicator(matrix)
     root = diagonal_roots(matrix)[:, None]
     return norms(comm, multiply(matrix, X) / root) / norms(comm, root * X)
 
 
 def energy_ratios(matrix: Matrix, X: Array) -> Array:
-    """xᵀA x / xᵀD x of columns x (k,); about ±1e-16 for a null vector with small errors."""
+    """xᵀA x / xᵀD x (k,) of columns x, D = diag A; about ±1e-16 for near null vectors."""
     comm = communicator(matrix)
     energy = column_products(comm, X, multiply(matrix, X))
     return energy / norms(comm, diagonal_roots(matrix)[:, None] * X) ** 2

@@ -6,8 +6,8 @@ only its own branch of the elimination tree (`antiosc.fem.linalg.deflections`), 
 computed on the graph of the nodes. If the library cannot be called directly (`refusal`), MUMPS
 factorizes (`antiosc.fem.linalg.solver_choice.MumpsFactor`).
 
-Whole maps are 1.6 times (43 263 dofs) and 2.6 times (119 523 dofs) as fast as with MUMPS; a site
-takes 5 to 7 times less.
+Maps of deflections are computed 1.6 times (43 263 dofs) and 2.6 times (119 523 dofs) as fast as
+with MUMPS; one site takes 5 to 7 times less time.
 
 Chen, Davis, Hager and Rajamanickam, *Algorithm 887: CHOLMOD*, ACM TOMS 35 (2008).
 
@@ -163,8 +163,8 @@ def call_error(common: Common, what: str, size: float | None = None) -> AntioscE
 
 @contextmanager
 def without_openmp() -> Iterator[None]:
-    """Keep CHOLMOD's own OpenMP loops on one thread: up to SuiteSparse 5 its four threads, while
-    they wait for the next short loop, slow down BLAS and other ranks, by up to half of the time."""
+    """Run CHOLMOD's OpenMP loops on one thread. Up to SuiteSparse 5, its four threads
+    wait actively between short loops and slow down BLAS and other ranks by up to half."""
     openmp, blas = _loaded_library("libgomp.so.1"), _loaded_library("libopenblas.so.0")
     levels = 0
     if openmp and blas and blas.openblas_get_parallel() != OPENMP_PARALLEL:
@@ -238,8 +238,8 @@ class _Memory:
 
 
 class Cholesky:
-    """P A Pᵀ = L Lᵀ of a sparse matrix with `block` rows per node, or with a known
-    `permutation`."""
+    """Factor P A Pᵀ = L Lᵀ of a matrix with lower triangle A, ordered by nodes of `block` rows or
+    by a given `permutation`."""
 
     def __init__(
         self, A: scipy.sparse.csr_matrix, block: int = 1, permutation: IntArray | None = None

@@ -65,8 +65,8 @@ class FactoredStructure(Protocol):
 def deflections(
     structure: FactoredStructure, loads: scipy.sparse.csr_matrix, omega: Array, b: Array
 ) -> tuple[Array, Array]:
-    """(bᵀy [m/N], yᵀMy [kg m²/N²]) on every rank, y = (K + shift M)⁻¹b, for each column b of
-    `loads` (rows, P). `omega` (J,) [rad/s] and `b` (P, J): known modes, and the loads in them."""
+    """(fᵀy [m/N], yᵀMy [kg m²/N²]) on every rank, y = (K + shift M)⁻¹f, for each column f of
+    `loads` (rows, P). `omega` (J,) [rad/s] and `b` (P, J): known modes and their modal loads."""
     solver = structure.factorize()
     if not isinstance(solver, Factorization):
         return _deflections_by_solves(structure, loads)
@@ -103,7 +103,7 @@ def _compliances_at_two_shifts(
 def _deflections_by_solves(
     structure: FactoredStructure, loads: scipy.sparse.csr_matrix
 ) -> tuple[Array, Array]:
-    """(bᵀy, yᵀMy) of every load, with one solve for each."""
+    """(bᵀy, yᵀMy) of every load b, by one solve y = (K + shift M)⁻¹b each."""
     C, G = np.zeros((2, loads.shape[1]))
     for part, B, Y in _blocks_of_solutions(structure.factorize(), loads):
         C[part] = column_products(structure.comm, B, Y)
@@ -127,7 +127,7 @@ def _blocks_of_solutions(
 
 
 def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
-    """bᵀA⁻¹b of every column of `loads` (n, P): (P,)."""
+    """bᵀA⁻¹b (P,) of every column b of `loads` (n, P), A being factored."""
     walks = Walks(factor)
     B = scipy.sparse.csc_matrix(loads)
     loaded = np.flatnonzero(np.diff(B.indptr))
@@ -153,7 +153,7 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
 
 
 class Walks:
-    """Walks of blocks of loads up the elimination tree of a factor."""
+    """Forward substitution of sparse loads along a factor's elimination tree."""
 
     def __init__(self, factor: Cholesky) -> None:
         self._L = L = factor.supernodes
@@ -169,7 +169,7 @@ class Walks:
         self._parent[below] = self._supernode[L.rows[(L.row[:-1] + self._columns)[below]]]
 
     def compliances(self, loads: scipy.sparse.csc_matrix) -> Array:
-        """bᵀA⁻¹b of every column of `loads` (n, k): (k,)."""
+        """bᵀA⁻¹b (k,) of every column b of `loads` (n, k)."""
         L, parent = self._L, self._parent
         part = loads.tocoo()
         rows = self.position[part.row]
@@ -209,7 +209,7 @@ class Walks:
         return result
 
     def _eliminated(self, s: int, z: Array) -> Array:
-        """Forward substitution of rows `z` (height, k) with supernode s: solved rows, then rest."""
+        """`z` (height, k) after elimination of supernode s: solved rows, then updated rows."""
         height, width = len(z), self._columns[s]
         first = self._L.value[s]
         block = self._L.values[first : first + height * width].reshape(width, height).T

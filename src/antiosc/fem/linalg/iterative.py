@@ -169,7 +169,7 @@ class Multigrid(PetscSolver):
 
     @contextmanager
     def accurately(self) -> Iterator[None]:
-        """Context in which solves end at `MODE_RESIDUAL`."""
+        """Context of solves to the relative error `MODE_RESIDUAL`."""
         old_rtol = self._ksp.rtol
         self._ksp.rtol = MODE_RESIDUAL
         try:
@@ -216,7 +216,7 @@ AGGREGATED_CYCLES = 2
 
 class TwoLevels(Multigrid):
     """Conjugate gradients with a two-level preconditioner. `motions()` returns rigid-body motions
-    (rows, r), `inverse(A)` the function b -> A⁻¹b; `coarse` is PᵀAP, `factored` or aggregated."""
+    (rows, r), `inverse(A)` gives b -> A⁻¹b; `coarse`, PᵀAP, is aggregated unless `factored`."""
 
     method = "conjugate gradients with two levels"
     pace = ", which are slow where a part is thin or nearly incompressible"
@@ -260,8 +260,8 @@ class TwoLevels(Multigrid):
 
 
 class Cycle:
-    """A multigrid cycle that approximates A⁻¹. P interpolates from the next level; its approximate
-    inverse `coarse` is applied `corrections` times between two smoothings."""
+    """A multigrid cycle that approximates A⁻¹. P interpolates from the next level, of which
+    `coarse` is an approximate inverse, applied `corrections` times between smoothings."""
 
     def __init__(
         self, A: PETSc.Mat, P: PETSc.Mat, coarse: Callable[[Array], Array], corrections: int = 1
@@ -336,7 +336,7 @@ FIXED_WEIGHT = 0.01
 
 
 def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
-    """Values (coarse rows, r) at the coarse dofs of `motions` (rows, r) of the fine dofs."""
+    """`motions` (rows, r) of the fine dofs, sampled at the coarse dofs: (coarse rows, r)."""
     coarse, fine = P.createVecs()
     result = np.empty((coarse.getLocalSize(), motions.shape[1]))
 
@@ -383,7 +383,7 @@ def _with_ones(coarse: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
 
 
 def linear_cells(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """The coarse matrix of A, which is multiplied cell by cell, from linear elements."""
+    """Coarse matrix, from linear elements, of a matrix A that is multiplied cell by cell."""
     product = A.getAttr(CELLS_KEY)
     return cell_matrix(product.cells.coarse(P, empty_columns(P)), product.k, product.m)
 
@@ -443,7 +443,7 @@ class Smoother:
             rho = next_rho
 
     def __call__(self, load: Array, last: bool = False) -> tuple[Array, Array]:
-        """(x ≈ A⁻¹ load, residual load - A x, outdated if `last`); overwritten by the next call."""
+        """(x ≈ A⁻¹ load, residual) until the next call; `last`: the residual is not updated."""
         self._residual[: self._rows] = load
         for keep, gain in self._factors:
             if keep:

@@ -174,7 +174,7 @@ class LevelSizes:
 
 
 def checked_choice(choice: SolverChoice) -> SolverChoice:
-    """`choice`, or InputError."""
+    """`choice`; InputError if it names no solver."""
     checks.choice("solver", choice, get_args(SolverChoice))
     return choice
 
@@ -213,7 +213,7 @@ class Solver(ABC):
 
     @abstractmethod
     def solve_block(self, R: Array) -> Array:
-        """A⁻¹R for a block of vectors (rows, k), with no check but the solver's own."""
+        """A⁻¹R for a block of vectors (rows, k), without a check of the residual."""
 
     def solve(self, r: Array) -> Array:
         """A⁻¹r for one vector."""

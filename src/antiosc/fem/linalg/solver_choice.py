@@ -76,7 +76,7 @@ log = logging.getLogger(__name__)
 
 
 def use_strain_product(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat) -> None:
-    """Make `multiply` compute products with K = SᵀS + rest from the strains."""
+    """Make `multiply` compute K x as Sᵀ(S x) + `remainder` x; S x: weighted strains."""
     transposed = PETSc.Mat()
     S.transpose(transposed)
 
@@ -87,7 +87,7 @@ def use_strain_product(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat) -> None
 
 
 class SolverByStrains(Solver):
-    """Conjugate gradients with products by strains, preconditioned by a solver of A's entries."""
+    """Conjugate gradients with A x computed from strains; preconditioner: the solver `make(A)`."""
 
     growth = SOLUTION_GROWTH_BY_STRAINS
 
@@ -209,7 +209,7 @@ class MumpsFactor(PetscSolver, Factorization):
 
 
 def entries_by_mumps(A: PETSc.Mat) -> float:
-    """Estimated entries of MUMPS's factor, from a matrix with one dof per node; 0 if A has one."""
+    """Estimated entries of MUMPS's factor, from one dof of each node; 0 for block size 1."""
     block = A.getBlockSize()
     if block == 1:
         return 0.0
@@ -230,7 +230,7 @@ LEAST_TIMED_DOFS = 30_000
 
 
 def solver_for(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float = 1.0) -> Solver:
-    """The solver of A named by `choice`; "auto": by forecasts of memory and time."""
+    """The solver of A by `choice` ("auto": by forecasts) for `columns` loads at once."""
     levels = replace(levels, prolongation=cache(levels.prolongation))
     if uses_strains(A):
         return SolverByStrains(A, lambda matrix: _chosen_solver(matrix, choice, levels, columns))
@@ -324,7 +324,7 @@ def _two_levels(
     forecast: Forecast,
     factored: bool,
 ) -> TwoLevels:
-    """Two-level solver of A; the coarse matrix in `forecast` is `factored` or aggregated."""
+    """Two-level solver of A; the coarse matrix of `forecast` is aggregated unless `factored`."""
     if not factored:
         forecast.analysis = None  # it has a copy of the coarse matrix
 
@@ -362,7 +362,7 @@ class Forecast:
     analysis: Cholesky | None = None  # of that matrix, on one rank
 
     def taken(self, matrix: PETSc.Mat) -> Cholesky | None:
-        """Hand over the analysis of `matrix`, which a factor consumes; None without one."""
+        """Return the analysis of `matrix` and forget it; None if there is none."""
         if matrix is not self.matrix:
             return None
         analysis, self.analysis = self.analysis, None

@@ -40,11 +40,11 @@ class CellGeometry:
 
     @property
     def reference_nodes(self) -> Array:
-        """Reference coordinates (k, tdim) of the nodes of a cell, in their order."""
+        """Reference coordinates (k, tdim) of a cell's k nodes, in dolfinx's order."""
         return np.asarray(self._element.points)
 
     def at(self, cell: IntArray, X: Array) -> tuple[Array, Array]:
-        """(points x (n, 3) [m], dx/dX (n, 3, tdim)) at X (n, tdim) of cells (n,)."""
+        """(points x (n, 3) [m], dx/dX (n, 3, tdim)) at reference points X (n, tdim) of cells."""
         if not len(X):  # Basix 0.5 aborts
             return np.zeros((0, 3)), np.zeros((0, 3, len(self.corners[0])))
         tables = self._element.tabulate(1, X)[..., 0]
@@ -63,7 +63,7 @@ class CellGeometry:
 
     @property
     def edges(self) -> IntArray:
-        """Corners (edges, 2) of the edges of a cell."""
+        """Local corners (edges, 2) at the ends of a cell's edges."""
         return np.array(self._topology[1])
 
     @cached_property
@@ -96,7 +96,7 @@ class CellGeometry:
         return [1, 2, 3] if self.simplex else [1, 2, 4]
 
     def entities(self, dim: int) -> tuple[Array, Array]:
-        """(origins (n, tdim), axes (n, tdim, dim)) of a cell's entities: X = origin + axes ξ."""
+        """(origins (n, tdim), axes (n, tdim, dim)) of entities X = origin + axes ξ of a cell."""
         vertices = np.array(self._topology[dim])
         origin = self.corners[vertices[:, 0]]
         axes = self.corners[vertices[:, self._neighbours[:dim]]] - origin[:, None]
@@ -124,7 +124,7 @@ class CellEntities:
         return np.asarray(self._origin[entity] + np.einsum("ntd,nd->nt", self._axes[entity], xi))
 
     def at(self, entity: IntArray, xi: Array) -> tuple[Array, Array]:
-        """(points (k, 3) [m], derivatives (k, 3, dim)) at ξ (k, dim) on entities (k,)."""
+        """(points x (k, 3) [m], dx/dξ (k, 3, dim)) at ξ (k, dim) on entities (k,)."""
         x, J = self.geometry.at(self.cells[entity], self.reference(entity, xi))
         return x, J @ self._axes[entity]
 
@@ -188,7 +188,7 @@ class Mesh(ReprMixin):
 
     @cached_property
     def geometry(self) -> CellGeometry:
-        """The map from reference coordinates of the cells of this rank, ghosts included."""
+        """Map from reference coordinates to space in the cells of this rank, ghosts included."""
         nodes = compat.geometry_nodes(self.dolfinx)
         return CellGeometry(self.dolfinx.geometry.x[nodes], self.cell, self.order)
 
@@ -221,9 +221,9 @@ class Mesh(ReprMixin):
         return np.asarray(np.isin(node_numbers, np.asarray(nodes, dtype=np.int64)))
 
     def node(self, number: int) -> Array | None:
-        """Coordinates (3,) [m] of the node with this number in the file; None if it has none.
+        """Coordinates (3,) [m] of the node with this number in the file; None without one.
 
-        InputError if several nodes have it.
+        InputError if several nodes have the number.
         """
         coordinates = np.array(self.dolfinx.geometry.x)[self.numbered([number])]
         x = np.unique(np.vstack(self.comm.allgather(coordinates)), axis=0)
@@ -233,7 +233,7 @@ class Mesh(ReprMixin):
         return x[0] if len(x) else None
 
     def group(self, name: str) -> Mapping[int, IntArray]:
-        """{dimension: local entities} of a group or side ("-z"); InputError if it is unknown."""
+        """{dimension: local entities} of a group or box side ("-z"); InputError if unknown."""
         if isinstance(name, str) and name in self.groups:
             return self.groups[name]
         if isinstance(name, str) and name in BOX_SIDES:
@@ -280,7 +280,7 @@ def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
 def local_groups(
     mesh: dolfinx.mesh.Mesh, wanted: Mapping[str, Mapping[int, IntArray]]
 ) -> dict[str, dict[int, IntArray]]:
-    """{group: {dimension: entities of this rank}} for `wanted`, {group: {dimension: vertices}}."""
+    """{group: {dimension: entities of this rank}}; `wanted`: the same with vertices (n, v)."""
     groups: dict[str, dict[int, IntArray]] = {name: {} for name in wanted}
     numbers = np.asarray(mesh.geometry.input_global_indices)
     for dim in sorted({dim for parts in wanted.values() for dim in parts}):

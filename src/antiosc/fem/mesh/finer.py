@@ -80,7 +80,7 @@ def halving_scheme(shape: str) -> HalvingScheme:
 
 
 def weights_at(shape: str, degree: int, places: Array) -> Array:
-    """Weights (…, nodes) of the nodes of a cell at reference places (…, dim)."""
+    """Values (…, nodes) of a cell's Lagrange functions at reference points (…, dim)."""
     kind = getattr(basix.CellType, shape)
     element = basix.create_element(basix.ElementFamily.P, kind, degree)
     if not places.size:  # which basix does not take
@@ -159,7 +159,7 @@ def halved(raw: RawMesh) -> RawMesh:
 
 
 def _middle_nodes(corners: IntArray, shape: HalvingScheme, start: int) -> tuple[IntArray, IntArray]:
-    """(numbers (cells, middles) of new nodes from `start` on, flat index of their first uses)."""
+    """(numbers (cells, middles) of new nodes, from `start` on; flat index of first uses)."""
     rows = np.full((len(corners), len(shape.members), MOST_CORNERS), -1, dtype=np.int64)
     for k, vertices in enumerate(shape.members):
         rows[:, k, : len(vertices)] = corners[:, vertices]
@@ -216,7 +216,7 @@ def refined_near(mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
 
 
 def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
-    """Wanted sizes (cells,) [m] of the cells of this rank, as gmsh grades them around `refine`."""
+    """Wanted sizes (cells,) [m] of this rank's cells; they grow around `refine` as in gmsh."""
     count = compat.cell_index_map(mesh.dolfinx).size_local
     centres = mesh.geometry.nodes[:count].mean(axis=1)
 
@@ -335,7 +335,7 @@ def _normals(corners: Array) -> Array:
 
 
 def _supporting_nodes(raw: RawMesh, x: Array) -> IntArray:
-    """The two old points (n, 2) between which each point of `x` lies; equal if it is an old one."""
+    """The two old points (n, 2) between which each point of `x` lies; equal for an old point."""
     first, second = np.triu_indices(raw.kind.vertices, 1)
     edges = np.stack([raw.cells[:, first].ravel(), raw.cells[:, second].ravel()], axis=1)
     edges = np.unique(np.sort(edges, axis=1), axis=0)
@@ -346,8 +346,8 @@ def _supporting_nodes(raw: RawMesh, x: Array) -> IntArray:
 
 
 def _old_points_under(support: IntArray, entities: IntArray) -> IntArray:
-    """Vertices (n, k) of the old entity that contains each new entity (n, k); -1 if it is of a
-    higher dimension."""
+    """Vertices (n, k) of the old entity that contains each new entity (n, k); -1 if only an
+    entity of higher dimension does."""
     k = entities.shape[1]
     rows = np.sort(support[entities].reshape(len(entities), -1), axis=1)
     first = rows >= 0

@@ -183,7 +183,7 @@ SIMPLEX_EDGES = {"triangle": EDGES["triangle"], "tetrahedron": EDGES["tetra"]}
 def _cells_where(
     points: Array, cells: IntArray, shape: str, order: int, fails: Callable[[Array], BoolArray]
 ) -> IntArray:
-    """Numbers of the `cells` (in dolfinx's order) for whose Jacobians (cells, q) `fails` holds."""
+    """Numbers of `cells` (nodes in dolfinx's order) whose Jacobians (cells, q) satisfy `fails`."""
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
     failed = [np.zeros(0, dtype=bool)]
     for start in range(0, len(cells), CELLS_AT_ONCE):
@@ -257,8 +257,8 @@ def refuse_degenerate(mesh: Mesh) -> None:
 
 
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:
-    """`points` with the mid-side nodes of folded cells moved to the middle of their sides, repeated
-    while this folds other cells."""
+    """`points` with the mid-side nodes of folded cells moved to the middle of their sides; cells
+    that this folds are straightened too."""
     points = points.copy()
     edges = np.array(SIMPLEX_EDGES[shape])
     first = int(edges.max()) + 1
@@ -331,8 +331,8 @@ def read_mesh(
         element sets, node sets with the facets that they span, and tags named by their number.
     cells
         Cells of the file that make the mesh: a dimension (1, 2 or 3), a group or a list of groups.
-        Default: the cells of the highest dimension. A warning names other cells that are their
-        faces or edges; if there are others, possibly shells and beams, the file is refused.
+        Default: the cells of the highest dimension. A warning names cells on their faces or
+        edges; a file with further cells, possibly shells and beams, is refused.
     parts
         Names of parts, instances, solids or groups, instead of `cells`: only they are read.
     unit

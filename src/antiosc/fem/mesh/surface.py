@@ -46,7 +46,7 @@ def projected(
     Gauss–Newton iteration from `start` (n, t); it stops for points whose projection lies far
     outside the cell. `at(k, ξ (k, t))` is (x (k, 3), dx/dξ (k, 3, t)) for the points numbered k;
     `affine` (n,): where x(ξ) is affine, one step is exact; `along`: unit vectors (n, 3) of the
-    projection.
+    projection; None: to the nearest point.
     """
     xi = np.array(start)
     step = np.zeros_like(xi)
@@ -77,7 +77,7 @@ def projected(
 
 
 def across(lines: Array, vectors: Array) -> Array:
-    """Components (n, 3, k) of vectors perpendicular to the unit vectors `lines` (n, 3)."""
+    """Parts of `vectors` (n, 3, k) that are perpendicular to the unit vectors `lines` (n, 3)."""
     return vectors - lines[:, :, None] * (lines[:, None] @ vectors)
 
 
@@ -98,7 +98,7 @@ def outside_distance(xi: Array, simplex: bool) -> Array:
 
 
 def moved_inside(xi: Array, simplex: bool) -> Array:
-    """Reference coordinates (n, t) of points outside moved into their cells."""
+    """`xi` (n, t), with reference points outside the cell moved to its boundary."""
     xi = np.clip(xi, 0.0, 1.0)
     if simplex:
         xi = xi / np.maximum(xi.sum(axis=1, keepdims=True), 1.0)
@@ -106,7 +106,7 @@ def moved_inside(xi: Array, simplex: bool) -> Array:
 
 
 def pairs_within(centres: Array, reach: Array, points: Array) -> tuple[IntArray, IntArray]:
-    """Pairs (ball, point) as two arrays: `points` (P, 3) in balls of radius `reach` (n,)."""
+    """(ball, point) numbers of all `points` (P, 3) in balls with `centres`, radii `reach` (n,)."""
     if not len(points) or not len(centres):
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
 
@@ -200,7 +200,7 @@ def corners_at(mesh: Mesh, nearest: ClosestPoint) -> Array:
 
 
 def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
-    """(cell that contains it, reference coordinates, distance [m] or inf) for `points` (P, 3)."""
+    """(cell, reference coordinates in it, distance [m], inf if in no cell) of `points` (P, 3)."""
     cell = np.zeros(len(points), dtype=int)
     distance = np.full(len(points), np.inf)
     X = np.zeros((len(points), mesh.tdim))
@@ -418,7 +418,7 @@ class SurfaceAtSites:
 
 
 class Faces(Entities):
-    """Faces of one rank; `facets` (F,) are numbers of facets, or of cells for a sheet."""
+    """Faces of one rank that can be struck: outer facets, or the cells of a sheet (`sheet`)."""
 
     def __init__(self, mesh: Mesh, sheet: bool) -> None:
         self.sheet = sheet
@@ -474,7 +474,7 @@ class Faces(Entities):
     def contact(
         self, points: Array, directions: Array, radii: Array, labels: IntArray
     ) -> SurfaceAtSites:
-        """Surface properties at sites (P, 3); at an edge, of the face most against the impact."""
+        """Surface within `radii` of sites (P, 3); at edges, of the face most against the impact."""
         comm = self.mesh.comm
         count = len(points)
         mean = self.sizes
@@ -516,8 +516,8 @@ class Faces(Entities):
         )
 
     def foot(self, point: Array, direction: Array, reach: float) -> tuple[float, Array]:
-        """(distance [m] from the surface, nearest point (3,)) within `reach`, the point on a face
-        against `direction` if there is one; (inf, `point`) without faces."""
+        """(distance [m] of `point` from the surface, nearest point (3,) on it within `reach`);
+        faces whose normals oppose `direction` come first. (inf, `point`) without faces."""
         face, _ = self._pairs_within_radii(point[None], np.full(1, reach))
         points = np.tile(point, (len(face), 1))
         x, normal = self.across(face, foot_coordinates(self, face, points))
@@ -530,7 +530,7 @@ class Faces(Entities):
         return float(min(distances)), np.array(min(found)[2])
 
     def _pairs_within_radii(self, points: Array, radii: Array) -> tuple[IntArray, IntArray]:
-        """Pairs (face, point) that may be within the point's radius, by octaves of the radii."""
+        """(face, point) numbers of all faces that may be within the radius of a point."""
         octave = np.frexp(radii)[1]
         pairs = [np.zeros((2, 0), dtype=int)]
         for one in np.unique(octave):
@@ -543,7 +543,7 @@ class Faces(Entities):
         return face, point
 
     def along(self, points: Array, normals: Array, rise: float) -> tuple[IntArray, Array, Array]:
-        """(face, ξ, distance or inf) of points (n, 3) projected along normals, within `rise`."""
+        """(face, ξ, distance [m], inf beyond `rise`) of points (n, 3) projected along `normals`."""
         face = np.zeros(len(points), dtype=int)
         distance = np.full(len(points), np.inf)
         xi = np.zeros((len(points), self.dim))
@@ -597,7 +597,7 @@ class Faces(Entities):
 
     @cached_property
     def tangents(self) -> tuple[Array, Array]:
-        """(points (F, 3), derivatives (F, 3, d)) at the middles of the faces."""
+        """(points x (F, 3) [m], dx/dξ (F, 3, d)) at the middles of the faces."""
         return self.at(np.arange(len(self.facets)), self.middle)
 
 
@@ -614,7 +614,7 @@ def volume_and_surface(mesh: Mesh) -> tuple[float, float]:
 
 
 def _measure(corners: Array, dim: int) -> float:
-    """Total measure of simplices (n, dim + 1, 3), or of cells with the corners of a cube."""
+    """Total measure of simplices (n, dim + 1, 3), of quadrilaterals or of hexahedra."""
     if not len(corners):
         return 0.0
 

@@ -141,7 +141,7 @@ def _table(connections: dolfinx.graph.AdjacencyList | IntArray, width: int) -> I
 
 
 def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
-    """Geometry nodes at the vertices of every entity of dimension `dim` of this rank."""
+    """Geometry nodes (entities, v) at the vertices of this rank's entities of dimension `dim`."""
     mesh.topology.create_entities(dim)
     mesh.topology.create_connectivity(dim, mesh.topology.dim)
     mesh.topology.create_connectivity(dim, 0)
@@ -161,7 +161,7 @@ def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
 
 
 def communicator(mesh: dolfinx.mesh.Mesh) -> MPI.Comm:
-    """Communicator for Python objects; COMM_WORLD or COMM_SELF if equal (for dolfinx 0.9)."""
+    """The mesh's communicator; COMM_WORLD or COMM_SELF if of the same ranks (for dolfinx 0.9)."""
     for permanent in (MPI.COMM_WORLD, MPI.COMM_SELF):
         if MPI.Comm.Compare(mesh.comm, permanent) in (MPI.IDENT, MPI.CONGRUENT):
             return permanent
@@ -217,7 +217,7 @@ def lagrange_space(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.Funct
 def interpolation_from_linear(
     space: fem.FunctionSpace, linear: fem.FunctionSpace | None = None
 ) -> PETSc.Mat:
-    """Interpolation matrix from the linear to this blocked Lagrange space on the same mesh."""
+    """Interpolation matrix from the `linear` Lagrange space to the blocked `space` on its mesh."""
     size = space.dofmap.index_map_bs
     linear = linear or lagrange_space(space.mesh, 1, size)
     cells = np.arange(cell_index_map(space.mesh).size_local + cell_index_map(space.mesh).num_ghosts)
@@ -302,7 +302,7 @@ def edge_points() -> Array:
 
 
 def edge_interpolation(X: Array) -> Array:
-    """Matrix (P, 2, 2, n) from n vectors at `edge_points` to Nédélec's field at X (P, 2)."""
+    """Matrix (P, 2, 2, n) from vectors at n `edge_points` to Nédélec's field at X (P, 2)."""
     element = _edge_element()
     to_moments = np.asarray(element.interpolation_matrix).reshape(element.dim, 2, -1)
     tables = np.asarray(element.tabulate(0, X)[0])  # (points, dofs, 2)

@@ -63,7 +63,7 @@ _cleared_folders: set[Path] = set()
 
 @contextmanager
 def _shared_folder(folder: Path) -> Iterator[None]:
-    """Context that shares `folder` with other processes; leftovers are removed if none compiles."""
+    """Context that shares `folder` with other processes; removes unfinished files of ended ones."""
     with (folder / "lock").open("w") as file:
         if folder not in _cleared_folders:
             with suppress(OSError):  # somebody else compiles, or the file system has no locks
@@ -123,7 +123,7 @@ _compiling = threading.RLock()
 
 @contextmanager
 def quiet_compiler() -> Iterator[None]:
-    """Context in which forms are compiled, without output and without counting in `clock`.
+    """Context in which forms are compiled, without output, and while `clock` stands still.
     InputError without a writable cache or if another process does not finish a form,
     MissingDependencyError without a C compiler."""
     try:

@@ -67,7 +67,7 @@ class Spin(Checked):
 
     @property
     def stiffness(self) -> Array:
-        """Ω² P (3, 3), 1/s²: the acceleration of a point at x is Ω² P (x − about)."""
+        """Ω² P (3, 3), 1/s², P normal to the axis; centrifugal acceleration: Ω² P (x − about)."""
         unit = np.array(self.axis) / np.linalg.norm(self.axis)
         return np.asarray(self.omega**2 * (np.eye(3) - np.outer(unit, unit)))
 
@@ -79,7 +79,7 @@ class Prestress(Checked):
     Parameters
     ----------
     spin : Spin, optional
-        Rotation of the part and its supports about an axis, without point masses.
+        Rotation of the part and its supports about an axis; refused with point masses.
         Coriolis forces are neglected.
     gravity : sequence of 3 floats
         Acceleration, m/s².

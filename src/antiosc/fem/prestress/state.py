@@ -79,7 +79,7 @@ MOST_RESTARTS = 12
 
 
 class LoadedPart:
-    """Forces and tangent stiffness of loads on a part in its axes, without gravity and tensions."""
+    """Forces and tangent stiffness by second-order and initial strains, pressure and spin."""
 
     def __init__(
         self, part: MeshedStructure, loads: Prestress, initial: Mapping[str, float]
@@ -121,13 +121,13 @@ class LoadedPart:
         self._geometric = sum([of_stress, *slopes[1:]])
 
     def forces(self, u: Array) -> Array:
-        """dΠ/du (rows of this rank,) at u; 0 on fixed dofs."""
+        """dΠ/du (rows of this rank,) at u, Π: energy added to uᵀKu/2; 0 on fixed dofs."""
         self._move(u)
         total = compat.assemble_functional(self._forces, self.part.form.space)[: len(u)]
         return zero_on_fixed(self.part, total)
 
     def stiffness(self, u: Array, *, geometric: bool = False) -> PETSc.Mat:
-        """d²Π/du² at u, empty rows at fixed dofs; `geometric`: only terms proportional to loads."""
+        """d²Π/du² (see `forces`), empty at fixed dofs; `geometric`: terms proportional to loads."""
         self._move(u)
         part = self.part
         form = self._geometric if geometric else self._tangent
@@ -140,7 +140,7 @@ class LoadedPart:
 
 
 def zero_on_fixed(part: MeshedStructure, forces: Array) -> Array:
-    """Forces (rows of this rank,) with zeros on fixed dofs."""
+    """`forces` (rows of this rank,), set to zero on fixed dofs in place."""
     forces[part.fixed[part.fixed < len(forces)]] = 0.0
     return forces
 
@@ -259,7 +259,7 @@ def pressure_energy(
 
 
 def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) -> ufl.Form:
-    """∫ ρ a·a/2 over the cells with a = Ω P (x + u), to second order in the rotations."""
+    """∫ ρ |Ω × (x + u)|²/2 over the cells, to second order in the rotations."""
     # constants, as numbers would be compiled anew for each spin
     S = compat.constant(mesh.dolfinx, spin.stiffness)
     origin = compat.constant(mesh.dolfinx, np.array(spin.about))
@@ -276,7 +276,7 @@ def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) ->
 
 
 def _mass_fibres(mesh: Mesh, parts: Parts) -> list[tuple[Expr, Expr, Expr]]:
-    """(direction, ∫ρ z, ∫ρ z²) for each direction across the sections or the thickness."""
+    """(direction, ∫ρ z, ∫ρ z²) for each direction z across the sections or the thickness."""
     material = parts[0][0]
     if material.kind.sheet:
         section = section_fields(mesh, parts)
@@ -295,7 +295,7 @@ def _mass_fibres(mesh: Mesh, parts: Parts) -> list[tuple[Expr, Expr, Expr]]:
 
 
 def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
-    """The matrices `base` under loads; InputError for loads that do not fit, or beyond buckling."""
+    """`base` under `prestress`, with its tangent stiffness as K; InputError beyond buckling."""
     loads = instance("prestress", prestress, Prestress, "a Prestress(spin=…, tension=…, …)")
     if base.rigid_modes.shape[1]:
         raise InputError(
@@ -381,7 +381,7 @@ def equilibrium(
 
 
 def buckling_factor(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
-    """The smallest λ > 0 for which K + λ geometric is singular; inf above `SHIFT_EXCESS`."""
+    """The smallest λ > 0 for which K + λ geometric is singular; inf above `LARGEST_LOAD_FACTOR`."""
     if not geometric.norm():
         return math.inf
 

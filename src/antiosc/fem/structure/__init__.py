@@ -227,7 +227,7 @@ LEAST_EIGENVALUE = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Dissipation:
-    """One term Gᵀ c G of the damping matrix."""
+    """One term Gᵀ c G of the damping matrix, or one Maxwell branch."""
 
     G: Matrix = None  # (j, rows of this rank) functionals; None: `matrix` stands for Gᵀ c G
     c: Array | None = None  # (j, j) [N s/m], or of a branch [N/m]
@@ -261,13 +261,13 @@ def _square_root(matrix: Array) -> Array:
 
 
 def dashpot_patterns(terms: Sequence[Dissipation]) -> Array | None:
-    """Force patterns Gᵀ (rows of this rank, k) of dashpots and branches; None if there are none."""
+    """Force patterns Gᵀ (rows of this rank, k) of dashpots and Maxwell branches; None without."""
     loads = [np.asarray(term.G.T.toarray()) for term in terms if term.matrix is None]
     return np.hstack(loads) if loads else None
 
 
 def projected(comm: MPI.Comm, terms: Sequence[Dissipation], V: Array) -> DampingMatrix:
-    """The damping matrix of the motions V (rows of this rank, k)."""
+    """The damping matrix VᵀCV of all `terms` for the motions V (rows of this rank, k)."""
     no_terms = np.zeros((0, V.shape[1]))
     factors = [(term.projected(comm, V), term.tau) for term in terms]
     viscous = np.vstack([no_terms, *(L for L, tau in factors if tau is None)])
@@ -368,7 +368,7 @@ def _solver_unless_singular(comm: MPI.Comm, K: Matrix) -> Solver | None:
 
 
 def _rigid_energy_limit(K: Matrix) -> float:
-    """Limit of xᵀKx/xᵀDx, D = diag(K), for rigid motions x; lower if K is applied by strains."""
+    """Limit of xᵀKx/xᵀDx, D = diag(K), of rigid motions x; lower if K x is Sᵀ(S x)."""
     return RIGID_FORCE**2 if uses_strains(K) else RIGID_FORCE
 
 
@@ -377,7 +377,7 @@ def _solver(A: Matrix) -> Solver:
 
 
 def orthonormal_basis(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = None) -> Array:
-    """M-orthonormal basis (rows, r) of the columns of `block` (rows, k); `into`: array for it."""
+    """M-orthonormal basis (rows, r) of the columns of `block` (rows, k), in `into` if given."""
     basis = np.empty(block.shape, order="F") if into is None else into
     count = 0
     for column in block.T:
@@ -395,7 +395,7 @@ def orthonormal_basis(comm: MPI.Comm, M: Matrix, block: Array, into: Array | Non
 
 
 def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
-    """A shift [rad²/s²] near the first elastic ω² of slender members, by inverse iteration."""
+    """Shift [rad²/s²]: 0.1 × first elastic ω², by inverse iteration; inf if all is rigid."""
     comm = factor.comm
     x = np.random.default_rng(comm.rank).standard_normal((len(motions), 3))
 
@@ -495,7 +495,7 @@ class StructureMatrices:
         return None
 
     def factored(self, columns: float = 1.0) -> tuple[Solver, float]:
-        """(solver of K + sM, s), with s made close to the first elastic ω²."""
+        """(solver of K + sM, s), s: about 0.1 × first elastic ω²; 0 without rigid-body modes."""
         shift = self.first_shift
         if self.solver_of_K is not None:
             factor, self.solver_of_K = self.solver_of_K, None  # held by one alone
@@ -513,7 +513,7 @@ class StructureMatrices:
         return factor, shift
 
     def solver_of(self, shift: float, columns: float) -> Solver:
-        """A solver of K + shift·M [rad²/s²] for `columns` right-hand sides at once."""
+        """A solver of K + shift·M for `columns` right-hand sides at once; `shift` in rad²/s²."""
         A = algebra.sum_of(self.K, shift, self.M)
         algebra.free_when_dropped(A)
         return solver_for(A, self.solver, lambda: self.rigid_motions, self.prolongation, columns)
@@ -543,7 +543,7 @@ class StructureMatrices:
         return None
 
     def dissipation(self) -> list[Dissipation]:
-        """Dashpots, Maxwell branches and relaxing layers."""
+        """Damping terms of dashpots, Maxwell branches and relaxing materials."""
         return [] if self.C is None else [Dissipation(matrix=self.C)]
 
     def loss_stiffness(self, V: Array) -> Array | None:
@@ -590,7 +590,7 @@ class NodalMatrices(StructureMatrices):
 
     @property
     def places(self) -> DofPlaces:
-        """Node, direction and kind of each row; rows without a place are amplitudes."""
+        """Node, direction and kind of each row; AMPLITUDE without coordinates or direction."""
         component = self.map.component
         points = self.map.points
         located = np.isfinite(points).all(axis=1)

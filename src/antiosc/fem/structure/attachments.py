@@ -168,7 +168,7 @@ Attachment = PointMass | Spring | Damper
 
 
 def attachments_of(attached: object) -> list[Attachment]:
-    """Checked attachments; names for springs and dampers."""
+    """Checked attachments; unnamed springs and dampers get a name."""
     expected = "PointMass, Spring and Damper objects"
     attachments: list[Any] = list_of("attached", attached, (PointMass, Spring, Damper), expected)
 
@@ -223,7 +223,7 @@ def terms_of(
     plane: bool,
     places: Callable[[str | Sequence[float]], Sequence[PointMotion]],
 ) -> list[ElasticTerm]:
-    """The terms of an attachment. `places(where)`: motions of points; `plane`: only x, y, rz."""
+    """Terms of an attachment. `places(where)`: motions of points; `plane`: masses in x, y, rz."""
     if isinstance(attached, PointMass):
         inertia = np.broadcast_to(attached.inertia, (3,)).tolist()
         values = dict(zip(COMPONENTS, [*[attached.mass] * 3, *inertia], strict=True))
@@ -327,7 +327,7 @@ SAME_DOF_DISTANCE = 1e-7
 
 @dataclass(frozen=True)
 class Stiffener:
-    """Beams on edges of a sheet, as a part with its own dofs and their relation to the sheet's."""
+    """Beams on edges of a sheet: a mesh with dofs that depend linearly on the sheet's dofs."""
 
     mesh: Mesh
     form: WeakForm
@@ -349,7 +349,7 @@ class Stiffener:
 def beams_on(
     mesh: Mesh, sheet: WeakForm, fixed: IntArray, name: str, beam: Beam, edges: IntArray
 ) -> Stiffener:
-    """The stiffener `beam` on the `edges` of a sheet, entities of this rank in the group `name`."""
+    """The stiffener `beam` on `edges`, entities of this rank in the sheet's group `name`."""
     if mesh.cell == "quadrilateral" and mesh.order > 1:
         raise InputError(f"beams on curved quadrilaterals (group {name!r}): use triangles.")
     if not beam.shear:

@@ -101,7 +101,7 @@ def stacked_rows(displacements: Sparse, rotations: Sparse) -> Sparse:
 
 @dataclass(frozen=True, eq=False)
 class PointMotion:
-    """Motion of a point as six rows of a matrix on u: displacements x, y, z, then rotations."""
+    """Motion of a point as six linear functionals of dofs u: displacements x, y, z, rotations."""
 
     functionals: Sparse  # (6, n) functionals of the displacement, then of the rotation
     space: Array  # (6, 6) projection onto motions that the point has: on a solid no rotation
@@ -153,7 +153,7 @@ class PointMotion:
 
 
 def component_projection(form: WeakForm) -> Array:
-    """Projection (6, 6) onto the displacements and rotations of this form's nodes."""
+    """Projection (6, 6) onto the displacements and rotations that nodes of `form` have."""
     return np.diag([float(name in form.components) for name in COMPONENTS])
 
 

@@ -98,7 +98,7 @@ class Member:
 
     @property
     def rows(self) -> slice:
-        """Slice of the part's dofs in u."""
+        """Slice of the part's dofs among those of all parts."""
         return slice(self.first, self.first + self.size)
 
     @property
@@ -146,7 +146,7 @@ class Member:
         return closest_many(self.part.mesh, self.at.own(points))
 
     def nodes_of(self, where: str | NumberedNodes) -> IntArray:
-        """The displacement nodes in a group of the part, or with given numbers."""
+        """Displacement nodes of the part in a group, or with given numbers in its file."""
         form = self.part.form
         mesh = self.part.mesh
         parts = mesh.group(where) if isinstance(where, str) else where.entities(mesh)
@@ -162,7 +162,7 @@ class Member:
 
 @dataclass(eq=False)
 class PartsMatrices(StructureMatrices):
-    """K = Tᵀ K_b T and M = Tᵀ M_b T of parts with meshes whose motions are u = T q."""
+    """K = Tᵀ K_b T, M = Tᵀ M_b T of parts with motions u = T q; K_b, M_b: blocks of the parts."""
 
     meshed: ClassVar[bool] = True
 
@@ -172,15 +172,15 @@ class PartsMatrices(StructureMatrices):
 
     @property
     def places(self) -> DofPlaces:
-        """Node, direction and kind of each dof of u on this rank."""
+        """Node, direction and kind of each dof of all parts on this rank."""
         raise NotImplementedError
 
     def expanded(self, q: Array) -> Array:
-        """Motions u of all parts for columns q (rows of this rank, k)."""
+        """Motions u = T q of all parts for motions q (rows of this rank, k) of the structure."""
         return q
 
     def joined(self, loads: T, rows: slice = slice(None)) -> T:
-        """Tᵀ `loads`: the loads on q (0 on fixed dofs) that equal `loads` on the `rows` of u."""
+        """Tᵀ `loads`: loads on q (0 on fixed dofs) equivalent to `loads` on `rows` of u = T q."""
         free = np.ones(algebra.rows(self.K))
         free[self.fixed[self.fixed < len(free)]] = 0.0
         return cast(T, scipy.sparse.diags(free) @ loads)
@@ -192,11 +192,11 @@ class PartsMatrices(StructureMatrices):
         return [(member, u[member.rows]) for member in members]
 
     def dashpots(self) -> list[Dissipation]:
-        """Damping terms on q of dashpots and Maxwell branches."""
+        """Damping terms of dashpots and Maxwell branches."""
         raise NotImplementedError
 
     def on_q(self, member: Member, matrix: PETSc.Mat) -> PETSc.Mat:
-        """Tᵀ A T for the `matrix` A on the dofs of one part."""
+        """Tᵀ A T on the structure's dofs q; `matrix` A is on the dofs T q of one part."""
         return matrix
 
     def dissipation(self) -> list[Dissipation]:
@@ -204,7 +204,7 @@ class PartsMatrices(StructureMatrices):
 
     @cached_property
     def _relaxing_terms(self) -> list[Dissipation]:
-        """Damping terms on q of relaxing materials of all parts."""
+        """Damping terms of the relaxing materials of all parts."""
         terms = []
         for member in self.members():
             for owner, material, stiffness in member.part.stiffnesses("prony"):
@@ -230,7 +230,7 @@ class PartsMatrices(StructureMatrices):
 
 @dataclass(eq=False)
 class MeshedStructure(PartsMatrices):
-    """K and M of one part with a mesh, and the mesh."""
+    """K and M of one part with its mesh, weak form and materials."""
 
     _: KW_ONLY
     mesh: Mesh
@@ -361,7 +361,7 @@ class MeshedStructure(PartsMatrices):
         return loads
 
     def surface_below(self, points: Array, directions: Array, radii: Array) -> SurfaceAtSites:
-        """Surface at points (P, 3) for impacts along `directions`; `radii`: patches [m] or NaN."""
+        """Surface at points (P, 3) struck along `directions`; `radii` [m] of patches, or NaN."""
         reach = np.where(np.isfinite(radii), radii, SURFACE_TOLERANCE * self.mesh.extent())
         return self.faces.contact(points, directions, reach, np.zeros(len(self.faces), dtype=int))
 
@@ -388,7 +388,7 @@ class MeshedStructure(PartsMatrices):
 
     @cached_property
     def axes_and_sides(self) -> tuple[Array, Array]:
-        """(0° directions (cells, 3), signs ±1 of the normals (cells,)) of a sheet."""
+        """(0° directions (cells, 3), ±1 (cells,): normals point to top or bottom) of a sheet."""
         axis, side = axes_and_sides(self.mesh, self.parts)
         return axis.x.array.reshape(-1, 3), side.x.array
 
@@ -402,11 +402,12 @@ class MeshedStructure(PartsMatrices):
 
     @cached_property
     def losses(self) -> list[tuple[int | str, Material, PETSc.Mat]]:
-        """Owner, material and K of each material with a loss factor."""
+        """[(owner, material, K)], as by `stiffnesses`, of the materials with a loss factor."""
         return self.stiffnesses("loss")
 
     def stiffnesses(self, name: str) -> list[tuple[int | str, Material, PETSc.Mat]]:
-        """[(owner, material, K of its cells)] for materials whose property `name` is set."""
+        """[(owner, material, K)] of materials with the property `name`; owner: index in `parts`, or
+        group of the stiffener."""
         result: list[tuple[int | str, Material, PETSc.Mat]] = []
         for number, (material, cells) in enumerate(self.parts):
             if getattr(material, name, None):

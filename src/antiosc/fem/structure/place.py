@@ -48,8 +48,8 @@ class Place:
 def places_at(
     parts: Iterable[Member], points: Array, directions: Array | None = None
 ) -> list[Place]:
-    """The nearest place of any part to each of points (P, 3) [m]; where parts touch, the place on
-    the struck part."""
+    """The nearest place of any part to each of points (P, 3) [m]; where parts touch, on the
+    part that most faces the impact."""
     members = list(parts)
     nearest = [member.closest(points) for member in members]
     distance = np.array([found.distance for found in nearest])
@@ -69,7 +69,7 @@ def places_at(
 
 
 def _facing_cosine(place: Place) -> float:
-    """Cosine between impact and outward normal; 0 without an outside or a direction."""
+    """Cosine between impact and outward normal; 0 on sheets and beams, and without a direction."""
     part = place.member.part
     if not part.kind.outside or not place.direction.any():
         return 0.0

@@ -391,8 +391,8 @@ class Structure(ReprMixin):
         Parameters
         ----------
         K, M : SciPy sparse, dense or PETSc matrix (n, n)
-            Symmetric and positive semidefinite, in SI units. Penalties on K's diagonal, at least
-            1e14 times the rest of their rows, become supports.
+            Symmetric and positive semidefinite, in SI units. Diagonal entries of K of at least 1e14
+            times the rest of their rows are penalties: their dofs are fixed.
         C : matrix (n, n), optional
             Damping [N s/m], symmetric and positive semidefinite, of any strength: models contain
             it as a `DampingMatrix`.
@@ -542,7 +542,7 @@ class Structure(ReprMixin):
         return self._factored[0]
 
     def factorize_at(self, shift: float, columns: float = 1.0) -> Solver:
-        """A solver of K + shift·M [rad²/s²] for `columns` loads; the last one is kept."""
+        """A solver of K + shift·M for `columns` loads, `shift` in rad²/s²; the last one is kept."""
         shift = checks.positive("shift", shift, "rad²/s²")
         columns = columns if checks.is_rigid(columns) else checks.positive("columns", columns)
 

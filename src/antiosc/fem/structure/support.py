@@ -69,7 +69,7 @@ class Support(FieldsRepr):
     Raises
     ------
     InputError
-        Not exactly one of `where`, `near`, `box`, `plane`, `nodes`; when a structure is made: a
+        None or several of `where`, `near`, `box`, `plane` and `nodes`; when a structure is made: a
         support that selects no node.
     """
 
@@ -111,7 +111,7 @@ class Support(FieldsRepr):
         store(self, fix=names)
 
     def components(self, known: Iterable[str]) -> list[str]:
-        """The fixed components; InputError if the structure does not have one (`known`)."""
+        """The fixed components; InputError if one is not among the structure's (`known`)."""
         names = list(known)
         if self.fix == "all":
             return names
@@ -208,7 +208,7 @@ class NumberedNodes:
 
     @property
     def words(self) -> str:
-        """The selected region in words."""
+        """The selected nodes in words."""
         shown_first = ", ".join(map(str, self.numbers[:6]))
         return f"on nodes {shown_first}{', …' * (len(self.numbers) > 6)}"
 
@@ -352,7 +352,7 @@ def places_of(form: WeakForm) -> DofPlaces:
 def _vanishing_combinations(
     comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array
 ) -> Array:
-    """Combinations of `fields` (rows, k) that vanish at `fixed` dofs and do not strain springs."""
+    """Combinations (rows, r) of `fields` (rows, k), zero at `fixed` dofs, that strain no spring."""
     scale = norms(comm, fields)
     if not scale.all():
         fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x

@@ -134,7 +134,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def numerical(self) -> float:
-        """Sum of all causes except the contact law; the largest sum of the three quantities."""
+        """Largest error of the three quantities, as the sum of all causes but the contact law."""
         return max(bar.numerical for bar in self.values())
 
     @property
@@ -286,7 +286,7 @@ def contact_time_note(result: Any) -> str:
 
 
 def relative_changes(first: Any, second: Any) -> dict[str, float]:
-    """`relative_differences`; incomparable contact times get the larger of the other two."""
+    """`relative_differences`; for incomparable contact times the larger of the other two."""
     found = relative_differences(first, second)
     if not are_comparable(first, second):
         found["contact_time"] = max(found["peak_force"], found["impulse"])
@@ -301,7 +301,7 @@ def relative_changes_with_site(first: Any, second: Any) -> dict[str, float]:
 
 
 def with_floor(errors: Mapping[str, float]) -> dict[str, float]:
-    """The errors, raised to at least `MIN_ERROR_SHARE` times the largest of the three."""
+    """The errors, each at least `MIN_ERROR_SHARE` times the largest of the `QUANTITIES`."""
     worst = max(errors[name] for name in QUANTITIES)
     return {name: max(error, MIN_ERROR_SHARE * worst) for name, error in errors.items()}
 

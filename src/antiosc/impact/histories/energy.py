@@ -26,7 +26,7 @@ class Energy(ReprMixin):
     kinetic, strain : kinetic and strain energy of all bodies.
     contact : recoverable energy of the contact.
     dissipated : energy lost in the contact law and in the damping of the bodies up to this time.
-    gravity : work of gravity up to this time.
+    gravity : work of gravity, loads and base motion up to this time.
     drift : largest |kinetic + strain + contact + dissipated - gravity - start|, relative to the
         largest sum of kinetic, strain and contact energy.
     """
@@ -124,7 +124,7 @@ def _replayed_touch(law: Compiled, depth: Array, state: State) -> tuple[Array, A
 
 
 def path_work(force: Array, displacement: Array) -> Array:
-    """Work (n, k) [J] of forces along displacements at the middle and end of every step."""
+    """Work (n, k) [J] of forces up to each time node; forces and motion are parabolic in steps."""
     f0 = force[:-2:2]
     f1 = force[1:-1:2]
     f2 = force[2::2]

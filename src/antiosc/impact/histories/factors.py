@@ -121,7 +121,7 @@ def spring_amplitudes(history: AnyHistory, times: Array, body: str) -> list[Arra
 
 
 def unit_energy_factors(modes: ModalBody | SiteModes) -> tuple[Array, int]:
-    """(factors (2, B) of the shapes for elastic modes of q'Kq = 1, q'Mq = 1; number of modes)."""
+    """(factors (2, B) of shapes in a sum of elastic modes of q'Kq = 1, q'Mq = 1; their number)."""
     elastic = modes.omega > 0
     q = np.vstack([np.where(elastic, 1 / np.where(elastic, modes.omega, 1.0), 0.0), elastic])
     return _factors_of_displacements(modes, q), int(elastic.sum())
@@ -139,8 +139,8 @@ def _factors_of_displacements(
 def modal_amplitudes(
     history: RunHistory, times: Array, body: str, derivative: int
 ) -> tuple[Array, Array, Array]:
-    """(frequencies (J,) of a body's modes, their factors (J, B), largest amplitudes (J,) without
-    the quasi-static response to the forces; 0 for rigid-body modes)."""
+    """(frequencies (J,) of a body's modes, their factors (J, B), largest amplitudes (J,) of the
+    `derivative` without the quasi-static response; 0 for rigid-body modes)."""
     modes = modes_with_shapes(history, body)
     omega = modes.omega
 
@@ -156,6 +156,6 @@ def modal_amplitudes(
 
 
 def column_forces(history: AnyHistory, times: Array, body: str) -> Array:
-    """Forces (n, P) [N] of contacts and loads on the columns of the body's model."""
+    """Forces (n, P) [N] of contacts and loads along the P site directions of a body."""
     modes_with_shapes(history, body)
     return _motion_at(history, times, body).forces

@@ -78,13 +78,13 @@ class OneContact:
 
     @cached_property
     def force(self) -> Array:
-        """Contact force (n,) [N], >= 0, at the time nodes: a parabola through 3 in a step."""
+        """Contact force (n,) [N], >= 0, at the time nodes; parabolic in each step."""
         # a release is located to a small share of the depth: a spring may pull by as little
         return np.maximum(self._record.nodes.force[:, self._row], 0.0)
 
     @property
     def indentation(self) -> Array:
-        """Indentation w - u - gap (n,) [m]; negative while the bodies are apart."""
+        """Indentation (n,) [m] at the time nodes; negative while the bodies are apart."""
         return self._record.nodes.depth[:, self._row]
 
     @property

@@ -18,7 +18,7 @@ INITIAL_DURATION, LONGER = 1e-3, 32
 
 
 class SiteMotion(NamedTuple):
-    """Displacement of a site along the impact, from `History.displacement`."""
+    """Largest displacement of a site along the impact, and its time."""
 
     largest: float  # within the run [m]
     time: float  # when [s]

@@ -66,7 +66,7 @@ def _law_with_yield(contact: OneContact) -> ElasticPlastic | None:
 
 
 class ContactZone(NamedTuple):
-    """The surroundings of a contact on one body."""
+    """Place, size and force of a contact on one body."""
 
     point: Array  # (3,) [m]
     radius: float  # of the contact [m]
@@ -106,7 +106,7 @@ class ContactZone(NamedTuple):
 
 
 def contact_zones(contacts: Iterable[OneContact], body: str) -> list[ContactZone]:
-    """The surroundings of a body's contacts, without contacts of unknown radius."""
+    """The `ContactZone`s of a body's contacts, without contacts of unknown radius."""
     zones = []
     for contact in contacts:
         size = _contact_size(contact)

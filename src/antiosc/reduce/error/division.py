@@ -95,7 +95,7 @@ class Division:
         self._matrices = matrices
 
     def missed(self, model: AntiOscillators) -> tuple[Array, Array | None]:
-        """(energies (p + N, p + N) [N/m] that the shapes lack, energies in excess or None)."""
+        """(strain energies (p + N, p + N) [N/m] that the shapes lack, those in excess or None)."""
         fine, _motions, forces = self._shapes_and_loads(model)
         flexibility = forces.T @ elastic_response(fine, fine.factorize(forces.shape[1]), forces)
         lack, surplus = lacking_energies(model.stiffness, flexibility)
@@ -193,7 +193,7 @@ def lacking_energies(stiffness: Array, flexibility: Array) -> tuple[Array, Array
 
 
 def divided_mesh(mesh: Mesh) -> Mesh:
-    """The mesh on one rank with each cell divided into h; input cell c becomes h c to h c + h-1."""
+    """The mesh on one rank with each input cell c divided into h cells, h c to h c + h - 1."""
     whole = gathered(mesh, np.zeros(mesh.n_cells))
     assert whole is not None  # on one rank
     return distributed(halved(whole[0]), mesh.name, mesh.comm)
@@ -328,7 +328,7 @@ class GeometryMeshes(MeshSource):
         return self._meshed(coarse, size_field, FIRST_GRADING)
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
-        """The geometry meshed again with about Σ 1 / ratio^d cells; patches keep small cells."""
+        """The geometry meshed again in about Σ 1 / ratio^dim cells; patches keep small cells."""
         cell_goal = mesh.comm.allreduce(float(np.sum(ratio ** -float(mesh.tdim))))
         size_field = wished_sizes(mesh, ratio)
         if size_field is not None:
@@ -404,7 +404,7 @@ def longest_line(mesh: Mesh) -> float:
 
 
 def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
-    """Size field of `ratio` × present cell size, at a corner the least of its cells; rank 0."""
+    """Field of sizes `ratio` × present cell size, at shared corners the least; None off rank 0."""
     whole = gathered(mesh, ratio * edge_lengths(mesh))
     if whole is None:
         return None
@@ -441,11 +441,11 @@ def size_ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: i
     optimal = share ** (-1 / (ERROR_POWER[dim] + dim))
 
     def sizes(scale: float) -> Array:
-        """Ratios of new to old cell sizes for the logarithm `scale` of λ (see the module)."""
+        """Ratios of new to old cell sizes: exp(`scale`) times the optimal ones, within limits."""
         return np.asarray(np.clip(exp(scale) * optimal, LEAST_SIZE_RATIO, LARGEST_SIZE_RATIO))
 
     def error_excess(scale: float) -> float:
-        """Ratio of the total error for the logarithm `scale` to the present one, minus `goal`."""
+        """Total error with the ratios `sizes(scale)` over the present one, minus `goal`."""
         total_error = float(np.sum(sizes(scale) ** (2 * order) * energies))
         return float(comm.allreduce(total_error)) / total - goal
 

@@ -118,7 +118,8 @@ def error_energies(part: MeshedStructure, shapes: Array) -> Array:
 
 
 def strain_errors(part: MeshedStructure, shapes: Array) -> Iterator[tuple[IntArray, Array]]:
-    """Yield (cells, R e √w (n, points · components, k)): RᵀR stiffness, e errors, w weights."""
+    """Yield (n cells, R e √w (n, points · components, k)) with the strain errors e of k shapes,
+    quadrature weights w and the stiffness RᵀR."""
     strains = Strains(part, shapes)
     k = shapes.shape[1]
     for root, cells in _regions(part):
@@ -214,7 +215,7 @@ class Projection:
         self._inverse = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
 
     def functions(self, block: slice) -> tuple[scipy.sparse.csr_matrix, Array]:
-        """(values of the functions at the points of a block of cells, weights (points, 1))."""
+        """(values (points, size) of the functions in a block of cells, weights (points, 1))."""
         weights = self._weights[block].reshape(-1, 1)
         corners = np.repeat(self._corners[block], len(self._table), axis=0)
         values = np.tile(self._table, (len(corners) // len(self._table), 1))
@@ -223,7 +224,7 @@ class Projection:
         return scipy.sparse.csr_matrix(arrays, shape=(len(corners), self.size)), weights
 
     def solve(self, loads: Array) -> Array:
-        """Corner values, ghosts included, for this rank's `loads` ∫ f φ (size, fields)."""
+        """Corner values (size, fields) of the projected f, from this rank's `loads` ∫ f φ."""
         loads = compat.ghosts_added(self._space, loads)
         start = self._dot(loads, self._inverse * loads)
 
@@ -315,7 +316,7 @@ class ModelErrors:
     def added_to(
         self, model: AntiOscillators, sites: Mapping[str, Functional], solver: Solver
     ) -> AntiOscillators:
-        """The model with its `strain_error`, and in `info` its sites' data for the budget."""
+        """The model with its `strain_error`, and with data for the error budget in its `info`."""
         if self.skipped:
             return replace(model, info=replace(model.info, no_estimate=self.skipped))
         start_time = time.perf_counter()

@@ -53,7 +53,7 @@ EQUAL_PIVOTS = 0.5
 
 @dataclass(frozen=True)
 class SiteShapes:
-    """Shapes Φ of unit displacements at p ≥ 1 independent sites, for the basis of loads B W."""
+    """Shapes Φ of unit displacements at p ≥ 1 independent sites, in a basis of unit compliances."""
 
     kept: IntArray  # (p,) numbers of the independent columns of B
     #: (c, p) displacements at all columns for unit displacements at the independent ones
@@ -85,7 +85,7 @@ class SiteShapes:
         return np.linalg.inv(self.compliance)
 
     def constrained(self, comm: MPI.Comm, x: Array) -> Array:
-        """x − Y (BᵀY)⁻¹Bᵀx (rows, k): x plus the response to forces that hold the sites."""
+        """x (rows, k) plus the response to forces at the sites that bring the sites to rest."""
         return np.asarray(x - self.y @ (self._inverse_compliance @ dot(comm, self.load, x)))
 
     def at(self, solver: Solver, shift: float) -> SiteShapes:
@@ -159,7 +159,7 @@ def site_shapes(structure: Structure, solver: Solver, B: Array) -> SiteShapes:
 def _site_basis(
     structure: Structure, solver: Solver, B: Array
 ) -> tuple[IntArray, Array, Array, Array, Array, Array]:
-    """(independent columns, dependence, W, A⁻¹BW, V, σ (p,)) as in the module's docstring."""
+    """(independent columns, dependence, W, A⁻¹BW, V, σ): WᵀBᵀA⁻¹BW = 1, RᵀBW = √s V diag(σ)."""
     comm = structure.comm
     R = structure.rigid_modes
     root = np.sqrt(structure.shift) or 1.0

@@ -90,7 +90,7 @@ def _by_arpack(
 def _by_slepc(
     structure: Structure, known: Array, wanted: int, computed: int, start: Array, inverse: Inverse
 ) -> tuple[Array, Array]:
-    """As `_by_arpack`, by SLEPc's Krylov–Schur method over all ranks."""
+    """(ω², shapes) as from `_by_arpack`, by SLEPc's Krylov–Schur method over all ranks."""
     from petsc4py import PETSc
     from slepc4py import SLEPc
 
@@ -229,9 +229,9 @@ class ModeSolver:
         return self._found
 
     def _by_krylov(self, count: int) -> Modes:
-        """Search another round of modes, orthogonal to the known ones. Repeated parts may end the
-        Krylov space early: shapes with large residuals are then rejected, and the modes are found
-        by LAPACK or one more search."""
+        """The `count` lowest modes, known ones and those of another search. Repeated parts may end
+        the Krylov space early: shapes with large residuals are then rejected, and the modes are
+        found by LAPACK or one more search."""
         structure = self._structure
         found_modes = self._found
         known_count = len(found_modes.omega)

@@ -81,7 +81,7 @@ def _model_at(
     errors: ModelErrors | None,
 ) -> AntiOscillators:
     """The model of a group of sites. `solver` factorizes K + sM at the structure's shift;
-    `expanded`: another (solver, shift); `spent`: time taken to find the sites [s]."""
+    `expanded`: (solver, shift) at an expansion point; `spent`: time taken to find the sites [s]."""
     start_time = time.perf_counter()
     terms = structure.matrices.dissipation()
     refused = {
@@ -240,7 +240,7 @@ def extract(
         largest relative error of their displacements under any forces, scaled so that their
         compliance matrix is the identity, from `info["band"]["bottom"]` [Hz] on.
     shapes : bool
-        Store the shapes (n + 1 vectors for each site), from which fields are computed.
+        Store the shapes (n + p vectors in a model of p sites), from which fields are computed.
     error : "estimate", optional
         Estimate the error of the mesh: the model gets its `strain_error`, so that `corrected()`
         and the `error_budget` of a `simulate` are available, for solids (also assemblies of them),

@@ -73,8 +73,8 @@ EXTRA_STEPS = 20
 
 
 class Lanczos:
-    """Block Lanczos recurrence for p ≥ 1 sites: vectors V that vanish at the sites, VᵀAV = 1, H =
-    VᵀMV. `load` (rows, k): next right-hand sides; `applied`: number of vectors with known TV."""
+    """Block Lanczos recurrence, A = K + sM: vectors V that vanish at p ≥ 1 sites, VᵀAV = 1, H =
+    VᵀMV. `load` (rows, k): next right-hand sides; `applied`: number of vectors with known A⁻¹MV."""
 
     def __init__(
         self,
@@ -154,7 +154,7 @@ class Lanczos:
         return self._static.constrained(self._comm, w)
 
     def ritz(self, n: int) -> tuple[Array, Array]:
-        """(θ = 1/(ω² + s) descending, eigenvectors) of T on n vectors; θ <= rounding becomes 0."""
+        """(Ritz values θ = 1/(ω² + s) descending, eigenvectors) on n vectors; tiny θ become 0."""
         H = self.H[:n, :n]
         theta, eigenvectors = np.linalg.eigh(H)
         noise = int(np.sum(theta <= ROUNDED_THETA * theta[-1])) if n else 0

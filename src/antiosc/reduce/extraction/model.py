@@ -88,18 +88,18 @@ class ConstraintModes:
 
     @property
     def poles(self) -> Array:
-        """ω_i², rad²/s²."""
+        """Squared circular frequencies ω_i² (n,) of the modes, rad²/s²."""
         return self.modes.omega**2
 
     def stiffness(self, x: ComplexArray) -> Numbers:
-        """Z (W, p, p) at x = ω² (W,), with all computed modes."""
+        """Dynamic stiffness Z (W, p, p) at x = ω² (W,), from all computed modes."""
         is_finite = self.poles > 0
         P, poles = self.P[is_finite], self.poles[is_finite]
         return stiffness_at_sites(x, self.static.k0, self.m0, P, poles)
 
 
 def constraint_modes(structure: Structure, static: SiteShapes, modes: Modes) -> ConstraintModes:
-    """The modes with projections of the static shapes; m0 is computed without cancellation."""
+    """`modes` with the projections of the static shapes, and m0 computed without cancellation."""
     comm = structure.comm
     phi = modes.phi
     residual = static.phi
@@ -190,7 +190,7 @@ def select_observable(known: ConstraintModes, n: int, tol: float) -> Selection:
 
 
 def select_lowest(known: ConstraintModes, n: int) -> Selection:
-    """The n lowest modes of any share in Z: dampers excite modes that no site observes."""
+    """The n lowest modes, observable at the sites or not, since dampers excite both kinds."""
     order = np.argsort(known.poles, kind="stable")
     order = order[known.poles[order] > 0][:n]
     P = known.P[order]
@@ -243,7 +243,7 @@ def by_modes(structure: Structure, static: SiteShapes, n: int, tol: float) -> Mo
 def error_bound(
     known: ConstraintModes, remainder: Remainder, selected: Selection, band: float
 ) -> tuple[float, float]:
-    """(bound on ‖HZ_true - 1‖₂ and ‖(HZ_true)⁻¹ - 1‖₂ up to `band`, its lowest ω), [rad/s]."""
+    """(bound on ‖HZ_true - 1‖₂ and ‖(HZ_true)⁻¹ - 1‖₂ to `band` [rad/s], ω from which it holds)."""
     static = known.static
     lowest = lowest_frequency_at_sites(static.k0, static.mass, selected.omega**2)
     x = sample_frequencies(band, lowest, SAMPLE_STEP) ** 2
@@ -271,7 +271,7 @@ def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array)
 
 
 def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
-    """Spectral radius (N,) of Z⁻¹ΔZ at each damped pole; ΔZ: change of Z without its mode."""
+    """Spectral radius (N,) of Z⁻¹ΔZ at each damped pole, ΔZ of moving its mode's mass to m0."""
     share = np.zeros(len(poles))
     positive = np.flatnonzero(poles > 0)
     for i in np.split(positive, range(FREQUENCIES_AT_ONCE, len(positive), FREQUENCIES_AT_ONCE)):
@@ -284,7 +284,7 @@ def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
 
 
 def lowest_frequency_at_sites(k0: Array, m_st: Array, poles: Array) -> float:
-    """Frequency [rad/s] from which Z varies; inf for a rigid mass."""
+    """Lowest frequency [rad/s]: of the poles, or of k0 on the masses m_st; inf for a rigid mass."""
     lowest = [float(x) for x in poles[:1]]
     scale = 1 / np.sqrt(np.maximum(m_st.diagonal(), np.finfo(float).tiny))
     values = np.linalg.eigvalsh(k0 * scale[:, None] * scale)
@@ -403,7 +403,7 @@ def model_of(
 def _stiffening(
     structure: Structure, sites: Sequence[str], k0: Array, shapes: Array
 ) -> dict[str, float] | None:
-    """Relative change of force per metre at each site; None except on supported curved sheets."""
+    """Relative stiffness change per metre, by site; None except for supported curved sheets."""
     matrices = structure.matrices
     if not matrices.meshed or matrices.assembled or structure.rigid_modes.shape[1]:
         return None

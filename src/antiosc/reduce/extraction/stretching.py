@@ -72,7 +72,7 @@ def with_stretch(
 
 
 class _PartMotions(NamedTuple):
-    """A part's Gauss points, its dofs in u, and the gradients (points, d, b) of its motions."""
+    """A part's Gauss points, the rows of its dofs, derivatives (points, d, b) of each motion."""
 
     points: PartPoints
     rows: slice
@@ -117,7 +117,7 @@ def _second_order(
 
 
 def excited_motions(omega: Array, B: Array, count: int) -> Array:
-    """Orthonormal combinations (J, m) of free modes: a basis of the Krylov space from Λ⁻¹b."""
+    """Orthonormal combinations (J, m) of the elastic free modes that span ω⁻²B, ω⁻⁴B, ω⁻⁶B, …"""
     elastic = omega > 0
     if not elastic.any():
         raise InputError("stretch needs a model with elastic modes: raise n.")

@@ -344,7 +344,7 @@ class _ModesAtSite:
         self._a = np.abs(a)
 
     def observable(self, modes: Modes, tol: float) -> Modes:
-        """Modes with a share above `tol`, rigid-body modes first; equal frequencies are merged."""
+        """Modes with receptance shares above `tol`, rigid ones first; equal frequencies merged."""
         check_modes(self._structure, modes)
         moves_site = self._a != 0
         b = np.append(self._a.sum(), dot(self._comm, modes.phi, self._where.b))

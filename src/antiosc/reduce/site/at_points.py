@@ -349,12 +349,12 @@ class ReleasedSupports:
         self._rigid = matrices.places.rigid_motions(np.zeros(3))[:, :3]
 
     def inertia(self, following: Array) -> tuple[Array, Array]:
-        """(M g, M r); g: support motions plus motions `following` (rows, 6 S), r: translations."""
+        """(M g, M r); g: support motions + response `following` (rows, 6 S), r: translations."""
         self._motions = self._motions + self._of.expanded(following)
         return self._forces("M", self._motions), self._forces("M", self._rigid)
 
     def applied(self, sites: Sequence[Site]) -> tuple[Array, Array]:
-        """(bᵀg (P, 6 S), bᵀr (P, 3)): work of unit forces at P sites on g and r of `inertia`."""
+        """(bᵀg (P, 6 S), bᵀr (P, 3)): work of unit site forces on g and r of `inertia`."""
         columns = []
         with without_warnings():  # they were told of when the model was extracted
             for site in sites:
@@ -370,7 +370,7 @@ class ReleasedSupports:
         return dot(self._of.comm, b, self._motions), dot(self._of.comm, b, self._rigid)
 
     def damping(self, shapes: Array) -> list[tuple[float | None, Array]]:
-        """(relaxation time [s] or None, reactions (6 S, B) for `shapes`) of each damping term."""
+        """(relaxation time [s] or None, reactions (6 S, k) to k `shapes`) of each damping term."""
         comm, u = self._of.comm, self._of.expanded(shapes)
         own = self._assembly.added.dissipation(on_u=True) if self._assembly else []
         terms = [(slice(None), term) for term in own]
@@ -435,7 +435,7 @@ class ReleasedSupports:
         return centres, -self._forces("K", motions)
 
     def _part(self, member: Member) -> MeshedStructure:
-        """The part of a structure without supports and prestress."""
+        """The part of `member`, without its supports and prestress."""
         part = member.part.unloaded or member.part
         if not part.supports:
             return part

@@ -148,7 +148,7 @@ class Site(FieldsRepr):
 
 
 def tangents(directions: Array, plane: bool) -> list[Array]:
-    """Unit vectors perpendicular to directions (P, 3): two arrays (P, 3), in a plane one."""
+    """Unit vectors perpendicular to `directions` (P, 3): two arrays (P, 3); one if `plane`."""
     if plane:
         return [np.cross([0.0, 0.0, 1.0], directions)]
 

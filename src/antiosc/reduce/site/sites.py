@@ -109,7 +109,7 @@ def _rule_on_faces(
     weights: Array,
     rise: float,
 ) -> tuple[Points, Array]:
-    """`patch_points` for the sites `part`, by one quadrature rule of the unit disc."""
+    """(quadrature points, share of each patch on a face) of the sites `part`, by one `rule`."""
     comm = faces.mesh.comm
     normal = normals[part]
 

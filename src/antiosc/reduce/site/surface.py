@@ -257,7 +257,7 @@ class _Quadric(NamedTuple):
 
 
 def _curvature_by_fit(smooth: Patch, x: Array, normal: Array) -> Curvature:
-    """Curvature at `x` (3,) by fits to nodes of a smooth surface (see the module's docstring)."""
+    """Curvature at `x` (3,) by fits of quadrics to the nodes of a smooth surface."""
     cosine = np.abs(smooth.normals.mean(axis=1) @ normal)
     nodes = smooth.only(cosine > LEAST_NORMAL_COSINE).nodes() - x
     nodes = nodes[np.argsort(np.linalg.norm(nodes, axis=1), kind="stable")]
@@ -385,7 +385,7 @@ def surface_at(
     direction: Array | None = None,
     radius: float | None = None,
 ) -> Surface:
-    """The surface of a structure at its point nearest to `point` (3,) [m]; see `surface_of`."""
+    """The surface of a structure nearest to `point` (3,) [m], under a patch of `radius` [m]."""
     if point is None:
         raise InputError(NO_POINT)
     matrices = with_parts(structure, NO_SURFACE)
