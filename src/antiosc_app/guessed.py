@@ -105,15 +105,18 @@ def guess_on_faces(
     return hidden[0]
 
 
-def guess_on_lines(x: Array, nodes: IntArray, supported: BoolArray, struck: IntArray) -> SitePlace:
+def guess_on_lines(
+    x: Array, nodes: IntArray, supported: BoolArray, movable: BoolArray, struck: IntArray
+) -> SitePlace:
     """The node of beams `nodes` (n, k) farthest from supports, and a direction across them.
 
-    Only nodes of `struck` are chosen if there are any.
+    Only nodes of `struck` are chosen if there are any; only directions of `movable` (3,) likewise.
     """
     candidates = struck if len(struck) else np.unique(nodes)
     best = candidates[np.argmax(_distances_from_supports(x, supported, x[candidates]))]
     rows = nodes[(nodes == best).any(axis=1)]
     extents = np.abs(x[rows[:, 1]] - x[rows[:, 0]]).sum(axis=0)
+    extents[~movable] = np.inf
     axis = int(np.argmin(extents[::-1]))  # z before y before x
     return x[best], -np.eye(3)[2 - axis]
 
@@ -261,8 +264,10 @@ def supporting_side(
     return np.zeros(len(x), dtype=bool), None
 
 
-def held_nodes(structure: Structure, x: Array, size: float) -> BoolArray:
-    """Mask (N,) of the nodes `x` (N, 3) held in a direction or more; `size` [m] of the part."""
+def held_nodes(structure: Structure, x: Array, size: float) -> tuple[BoolArray, BoolArray]:
+    """Masks of the nodes `x` (N, 3) held in a direction or more, and of the directions (3,) in
+    which nodes can move at all; `size` [m] of the part.
+    """
     from antiosc.recovery import source
 
     motion = 1.0 + (np.arange(structure.rows)[:, None] * GOLDEN_RATIO) % 1.0  # none cancels another
@@ -270,10 +275,11 @@ def held_nodes(structure: Structure, x: Array, size: float) -> BoolArray:
     try:
         nodes, _, displacements = source(structure).at_nodes(structure, motion)
     except AntioscError:
-        return np.zeros(len(x), dtype=bool)
+        return np.zeros(len(x), dtype=bool), np.ones(3, dtype=bool)
 
     moves = np.abs(displacements[:, :, 0]) > MOTION_ROUNDING
-    fixed = ~moves[:, moves.any(axis=0)].all(axis=1)
+    movable = moves.any(axis=0)
+    fixed = ~moves[:, movable].all(axis=1)
     if not fixed.any():
-        return np.zeros(len(x), dtype=bool)
-    return np.asarray(cKDTree(nodes[fixed]).query(x)[0] < PLANE_TOLERANCE * size)
+        return np.zeros(len(x), dtype=bool), movable
+    return cKDTree(nodes[fixed]).query(x)[0] < PLANE_TOLERANCE * size, movable

@@ -117,15 +117,16 @@ def _inspection_of(
 
     where: tuple[str, ...] = ()
     plane: list[Array] | None = None
+    movable = np.ones(3, dtype=bool)
     if structure is not None:
-        supported = guessed.held_nodes(structure, x, size)
+        supported, movable = guessed.held_nodes(structure, x, size)
     elif where := guessed.groups_with(mesh, guessed.SUPPORT_WORDS)[:1]:
         supported = np.zeros(len(x), dtype=bool)
         supported[guessed.nodes_of(mesh, where)] = True
     else:
         supported, plane = guessed.supporting_side(x, size, faces if mesh.tdim == 3 else None)
 
-    point, direction = _guessed_site(mesh, outer, supported)
+    point, direction = _guessed_site(mesh, outer, supported, movable)
     cell = None
     if is_meshed and mesh.tdim == 3:
         behind = guessed.thickness_at(x, faces, (point, direction))
@@ -164,14 +165,18 @@ def _inspection_of(
     )
 
 
-def _guessed_site(mesh: Mesh, outer: Faces, supported: BoolArray) -> SitePlace:
-    """Guess the place at which a mesh is struck; `supported`: mask (N,) of the fixed nodes."""
+def _guessed_site(mesh: Mesh, outer: Faces, supported: BoolArray, movable: BoolArray) -> SitePlace:
+    """Guess the place at which a mesh is struck.
+
+    `supported`: mask (N,) of the fixed nodes; `movable`: that of movable directions (3,).
+    """
     from antiosc.fem.platform import compat
 
     x = np.array(mesh.dolfinx.geometry.x)
     struck: IntArray = guessed.nodes_of(mesh, guessed.groups_with(mesh, guessed.SITE_WORDS)[:1])
     if mesh.tdim == 1:
-        return guessed.guess_on_lines(x, compat.geometry_nodes(mesh.dolfinx), supported, struck)
+        nodes = compat.geometry_nodes(mesh.dolfinx)
+        return guessed.guess_on_lines(x, nodes, supported, movable, struck)
     if mesh.gdim == 2:
         return guessed.guess_on_rim(x, guessed.nodes_around(outer), supported)
     return guessed.guess_on_faces(x, guessed.nodes_around(outer), outer, supported, struck)

@@ -126,6 +126,20 @@ def test_a_node_that_is_held_in_one_direction_is_not_struck(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_truss_held_in_its_plane_is_struck_in_that_plane(tmp_path):
+    path = tmp_path / "truss.inp"
+    path.write_text(
+        "*NODE, NSET=ALL\n1, 0, 0, 0\n2, 3, 0, 0\n3, 6, 0, 0\n4, 3, 2, 0\n"
+        "*ELEMENT, TYPE=T3D2, ELSET=BARS\n1, 1, 2\n2, 2, 3\n3, 1, 4\n4, 4, 3\n5, 2, 4\n"
+        "*MATERIAL, NAME=STEEL\n*ELASTIC\n2e11, 0.3\n*DENSITY\n7850\n"
+        "*SOLID SECTION, ELSET=BARS, MATERIAL=STEEL\n1e-2\n"
+        "*BOUNDARY\n1, 1, 2\n3, 2, 2\nALL, 3, 3\n"
+    )
+    found = inspect_part(path)
+    assert found.direction == [0.0, -1.0, 0.0]
+
+
+@pytest.mark.slow
 def test_a_closed_surface_is_filled_and_struck_from_outside(tmp_path):
     points = np.array([[x, y, z] for x in (0, 60) for y in (0, 40) for z in (0, 20)], dtype=float)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]

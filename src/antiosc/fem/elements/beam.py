@@ -82,7 +82,7 @@ class Beam(Isotropic):
             raise InputError(f"offset = {self.offset:g} m needs an orientation, as (0, 0, 1).")
 
     def shear_stiffness(self, plane: int, size: float) -> float:
-        """G κ A [N] along the height (plane 0) or across it (1); penalty ∝ EI/`size`² if rigid."""
+        """G κ A [N] along the height (plane 0) or across it (1); a penalty ∝ EI/size² if rigid."""
         I, shear = self.section.planes[plane]  # noqa: E741
         if self.shear:
             return self.G * self.section.A * shear
