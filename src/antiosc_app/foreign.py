@@ -18,6 +18,7 @@ import antiosc
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import (
     InputError,
+    MeshError,
     NotTakenWarning,
     PiecesError,
     finite_element_packages,
@@ -297,7 +298,8 @@ def _with_steel_constants(
 ) -> tuple[T, ReadOptions, Sequence[Piece]]:
     """(result of `reader`, its arguments, pieces of the deck).
 
-    Density and modulus of steel are added if it fails without; `messages` gets its warnings.
+    Density and modulus of steel are added if the deck is refused without; `messages` gets its
+    warnings.
     """
     reason: InputError | None = None
     pieces: Sequence[Piece] = ()
@@ -305,6 +307,8 @@ def _with_steel_constants(
     constants: list[ReadOptions] = [{}, {"density": STEEL_CONSTANTS["rho"]}]
     constants.append({"density": STEEL_CONSTANTS["rho"], "modulus": STEEL_CONSTANTS["E"]})
     for stated, piece in product(constants, pieces_read):
+        if stated and not isinstance(reason, MeshError):
+            break  # its materials were complete
         options = {**read, **piece, **stated}
         messages.clear()
         try:

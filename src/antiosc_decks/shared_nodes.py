@@ -332,16 +332,20 @@ class DofsBetween:
         rows = self.dependent[motion]
         if not all(number in rows for number in numbers):
             return []
-        positions = np.array([self._position(number) for number in numbers])
-        distances = np.linalg.norm(positions - positions.mean(axis=0), axis=1)
-        reach = TIE_DISTANCE * distances.max()
-        total: dict[int, float] = {}
-        for number, weight, x in zip(numbers, weights, positions, strict=True):
+        followed: list[dict[int, float]] = []
+        for number in numbers:
             first, *others = self.equations[rows[number]]
             shares = {n: -c / first[2] for n, _, c in others if abs(c) > MIN_WEIGHT}
             alike = all(m == motion and n >= 0 for n, m, _ in others if n in shares)
             if not alike or not shares or abs(sum(shares.values()) - 1) > TIE_DISTANCE:
                 return []
+            followed.append(shares)
+
+        positions = np.array([self._position(number) for number in numbers])
+        distances = np.linalg.norm(positions - positions.mean(axis=0), axis=1)
+        reach = TIE_DISTANCE * distances.max()
+        total: dict[int, float] = {}
+        for shares, weight, x in zip(followed, weights, positions, strict=True):
             place = sum(share * self._position(n) for n, share in shares.items())
             if not float(np.linalg.norm(place - x)) <= reach:
                 return []

@@ -17,7 +17,7 @@ pytest.importorskip("jinja2")
 import antiosc as ao
 from antiosc.io.neutral import UnitSystem
 from antiosc_app import new
-from antiosc_app.foreign import foreign_part, unit_of_materials
+from antiosc_app.foreign import _with_steel_constants, foreign_part, unit_of_materials
 from antiosc_app.inspecting import inspect_part
 from parts import gmsh_session
 from scene_files import antiosc
@@ -113,6 +113,19 @@ def test_a_deck_without_elasticity_that_is_refused_says_why(tmp_path):
     path.write_text(text.replace("7.85e-09", "8940."))
     with pytest.raises(ao.InputError, match="density 8940"):
         inspect_part(path)
+
+
+@pytest.mark.parametrize(("error", "attempts"), [(ao.MeshError, 6), (ao.InputError, 2)])
+def test_constants_are_added_to_a_deck_that_is_refused_and_not_to_joints_that_are(error, attempts):
+    calls = []
+
+    def reader(**options):
+        calls.append(options)
+        raise error("no")
+
+    with pytest.raises(error):
+        _with_steel_constants(reader, {}, [])
+    assert len(calls) == attempts
 
 
 @pytest.mark.slow
