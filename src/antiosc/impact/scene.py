@@ -282,9 +282,10 @@ def _integrated_history(
     return kind(assembly, run, error, status, message, given=step)
 
 
-#: Share of the steps of a run from which so many that were refused put a given step in doubt, and
-#: of a run with a given step: what the step does not resolve is integrated with halvings.
-MAX_REFUSED_SHARE, HALVED_TIME_SHARE = 0.1, 0.05
+#: Largest share of refused steps of a run at a given step that raises no doubt about this step.
+MAX_REFUSED_SHARE = 0.1
+#: Tolerance of a run at a given step, which is halved where its error is larger.
+HALVED_TIME_SHARE = 0.05
 
 
 def integrate_exact(
