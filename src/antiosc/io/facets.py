@@ -196,7 +196,7 @@ def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> No
         lacks |= words.count(b"endfacet") != len(faces) or b"endsolid" not in words
     elif suffix == ".ply":
         stated = dict(re.findall(rb"element (vertex|face) (\d+)", content[:4096]))
-        lacks |= count != int(stated.get(b"vertex", count))
+        lacks |= count < int(stated.get(b"vertex", count))
         lacks |= len(faces) < int(stated.get(b"face", 0))
     elif suffix == ".off":
         lines = [line.split(b"#")[0].split() for line in content.splitlines()]
@@ -208,7 +208,8 @@ def _check_triangles(mesh: object, content: bytes, suffix: str, name: str) -> No
         lacks |= unused > 0 or last[:1] != [b"f"] or len(last) < 4
 
     if lacks:
-        raise MeshError(f"{name} is damaged: {unused} of {count} corners are in no triangle.")
+        has = f"{len(faces)} triangles and {count} corners"
+        raise MeshError(f"{name} is empty or damaged: it has {has}; write it anew.")
 
 
 def read(request: Request) -> FileMesh:

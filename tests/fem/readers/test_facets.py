@@ -161,6 +161,28 @@ f 1/1 4/2 3/3 2/4\nf 5/1 6/2 7/5 8/4\nf -8//1 -7//1 -3//1 -4//1\nf 2 3 7 6\nf 3 
 """
 
 
+def test_a_ply_whose_triangles_have_textures_is_whole(tmp_path):
+    """Its corners are read once for each texture: more than its header announces."""
+    path = tmp_path / "skin.ply"
+    meshio.Mesh(block()[0], [("triangle", block()[1])]).write(path, binary=False)
+    header, body = path.read_text().split("end_header\n")
+    header += "property list uchar float texcoord\nend_header\n"
+    rows = [
+        line + f" 6 {k} 0 {k} 1 0 1" * line.startswith("3 ")
+        for k, line in enumerate(body.splitlines())
+    ]
+    path.write_text(header + "\n".join(rows) + "\n")
+    found = loaded(path)
+    corners = np.unique(block()[0], axis=0)
+    assert (len(found.points), len(found.triangles)) == (len(corners), len(block()[1]))
+
+
+def test_a_surface_without_triangles_is_refused(tmp_path):
+    path = tmp_path / "none.stl"
+    path.write_text("solid none\nendsolid none\n")
+    assert "none.stl is empty or damaged: it has 0 triangles" in refusal(path)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("ending", ["stl", "obj", "ply"])
 def test_a_file_that_is_cut_off_is_refused(tmp_path, ending):
