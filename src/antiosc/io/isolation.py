@@ -126,8 +126,8 @@ def _reader_error(name: str, code: int, memory: int, geometry: bool, again: bool
     if -code in TIMEOUT_SIGNALS:
         size = ", or a larger element size" if geometry else ""
         return (UnmeshableError if geometry and again else MeshError)(
-            f"reading {name} took longer than a file of its kind and size may take: give a longer "
-            f"timeout in s (--timeout of `antiosc new` and `antiosc open`){size}."
+            f"reading {name} took longer than a file of its kind and size may take: give "
+            f"read_mesh a longer timeout{size}."
         )
 
     end = signal.Signals(-code).name if code < 0 else f"code {code}"

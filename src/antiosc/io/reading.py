@@ -307,7 +307,9 @@ def read(
     try:
         raw = attempt(**({"by_ftetwild": True} if solid else {"around": RETRY_ELEMENTS_PER_TURN}))
     except UnmeshableError as error:
-        raise UnmeshableError(f"{fault}, nor otherwise: {remedy}, or give another size.") from error
+        raise UnmeshableError(
+            f"{fault}; a second way failed too: {remedy}, or give another size."
+        ) from error
     how = "" if solid else f"{name} {CURVATURE_PHRASE}, since it cannot be meshed otherwise: "
     raw.remarks = [*raw.remarks, f"{how}{fault}."]
     return raw

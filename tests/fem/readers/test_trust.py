@@ -200,8 +200,8 @@ def test_what_is_no_file_is_told_at_once(tmp_path, kind, suffix):
     [
         (-signal.SIGSEGV, b"", "broke off (SIGSEGV; it had"),
         (-signal.SIGABRT, b"PK", "broke off (SIGABRT"),
-        (-signal.SIGALRM, b"", "give a longer timeout"),
-        (-signal.SIGPROF, b"", "give a longer timeout"),
+        (-signal.SIGALRM, b"", "give read_mesh a longer timeout"),
+        (-signal.SIGPROF, b"", "give read_mesh a longer timeout"),
         (3, b"", "broke off (code 3; "),
         (0, b"", "gave no mesh"),
         (0, b"no archive", "is damaged"),
@@ -219,7 +219,7 @@ def test_a_reader_that_breaks_is_told(tmp_path, monkeypatch, code, answer, says)
 def test_a_reader_that_hangs_is_ended_and_the_next_one_reads(tmp_path):
     path = tmp_path / "part.geo"
     path.write_text("For i In {1:1e15}\n a = i;\nEndFor\n" + BAR)
-    assert "give a longer timeout" in refusal(path, timeout=0.5)
+    assert "give read_mesh a longer timeout" in refusal(path, timeout=0.5)
     assert ao.read_mesh(MESHES / "lever.msh").n_cells
 
 
