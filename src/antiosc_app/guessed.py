@@ -70,22 +70,26 @@ def thickness_at(x: Array, faces: IntArray, place: SitePlace) -> float:
 
 
 def guess_on_faces(
-    x: Array, faces: IntArray, outer: Faces, supported: BoolArray, struck: IntArray
+    x: Array, faces: IntArray, outer: Faces, held: BoolArray, struck: IntArray
 ) -> SitePlace:
     """The middle of the largest free face that is visible from outside, and the inward direction.
 
-    `x`: nodes (N, 3); `faces` (F, k): their corners, of `outer`; `supported`: mask (N,) of fixed
-    nodes; `struck`: nodes of groups that are struck by their name.
+    `x`: nodes (N, 3); `faces` (F, k): their corners, of `outer`; `held`: mask (N, 3) of the
+    directions in which nodes are held; `struck`: nodes of groups that are struck by their name.
     """
     corners = x[faces]
     normals = _outward_normals(x, faces, outer.normals) if outer.sheet else outer.normals
     side, edges = _sides_with_edges(x, faces, normals)
-    free = ~supported[faces].all(axis=1)
-    if len(struck) and (free & np.isin(faces, struck).all(axis=1)).any():
-        free &= np.isin(faces, struck).all(axis=1)
+
+    # the area across the directions in which a corner can move
+    areas = np.linalg.norm(face_area_vectors(corners) * ~held[faces].all(axis=1), axis=1)
+    named = np.isin(faces, struck).all(axis=1)
+    if areas[named].any():
+        areas[~named] = 0.0
+    if not areas.any():  # a sheet that is held across its plane
+        return guess_on_lines(x, faces, held, struck)
 
     # of faces that are about equal that on top
-    areas = np.linalg.norm(face_area_vectors(corners), axis=1) * free
     area = np.bincount(side, areas)
     height = np.bincount(side, areas * normals[:, 2])
     ranked = np.lexsort((-height, -np.round(area / area.max(), 2)))
@@ -94,7 +98,7 @@ def guess_on_faces(
     middles = corners.mean(axis=1)
     hidden: list[SitePlace] = []
     for number in ranked[area[ranked] > 0]:
-        on_side = np.flatnonzero((side == number) & free)
+        on_side = np.flatnonzero((side == number) & (areas > 0))
         edge = edges[number]  # the middle is farthest from it
         inner = int(np.argmax(cKDTree(edge).query(middles[on_side])[0])) if len(edge) else 0
         best = on_side[inner]
@@ -105,25 +109,23 @@ def guess_on_faces(
     return hidden[0]
 
 
-def guess_on_lines(
-    x: Array, nodes: IntArray, supported: BoolArray, movable: BoolArray, struck: IntArray
-) -> SitePlace:
-    """The node of beams `nodes` (n, k) farthest from supports, and a direction across them.
+def guess_on_lines(x: Array, nodes: IntArray, held: BoolArray, struck: IntArray) -> SitePlace:
+    """The node of cells `nodes` (n, k) farthest from supports, and a direction across them.
 
-    Only nodes of `struck` are chosen if there are any; only directions of `movable` (3,) likewise.
+    Only nodes of `struck` are chosen if there are any; `held` as in `guess_on_faces`.
     """
     candidates = struck if len(struck) else np.unique(nodes)
-    best = candidates[np.argmax(_distances_from_supports(x, supported, x[candidates]))]
+    best = candidates[np.argmax(_distances_from_supports(x, supported(held), x[candidates]))]
     rows = nodes[(nodes == best).any(axis=1)]
     extents = np.abs(x[rows[:, 1]] - x[rows[:, 0]]).sum(axis=0)
-    extents[~movable] = np.inf
+    extents[held[best]] = np.inf
     axis = int(np.argmin(extents[::-1]))  # z before y before x
     return x[best], -np.eye(3)[2 - axis]
 
 
-def guess_on_rim(x: Array, faces: IntArray, supported: BoolArray) -> SitePlace:
+def guess_on_rim(x: Array, faces: IntArray, held: BoolArray) -> SitePlace:
     """The middle of a plane part's outer edge that is farthest from supports, and the inward
-    direction.
+    direction; `held` as in `guess_on_faces`.
     """
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
     owner = np.repeat(np.arange(len(faces)), faces.shape[1])
@@ -137,16 +139,16 @@ def guess_on_rim(x: Array, faces: IntArray, supported: BoolArray) -> SitePlace:
     across *= np.sign(np.einsum("ni,ni->n", across, inward))[:, None]
 
     offset = np.abs(middle[:, 0] - x[:, 0].mean())
-    far = _distances_from_supports(x, supported, middle)
+    far = _distances_from_supports(x, supported(held), middle)
     best = np.lexsort((offset, -np.round(middle[:, 1], 9), -far))[0]
     return middle[best], across[best]
 
 
-def _distances_from_supports(x: Array, supported: BoolArray, points: Array) -> Array:
-    """Distances (n,) [m] of points (n, 3) from the nearest supported node; all 1 without one."""
-    if not supported.any():
+def _distances_from_supports(x: Array, fixed: BoolArray, points: Array) -> Array:
+    """Distances (n,) [m] of points (n, 3) from the nearest fixed node; all 1 without one."""
+    if not fixed.any():
         return np.ones(len(points))
-    return np.asarray(cKDTree(x[supported]).query(points)[0])
+    return np.asarray(cKDTree(x[fixed]).query(points)[0])
 
 
 def _outward_normals(x: Array, faces: IntArray, normal: Array) -> Array:
@@ -264,22 +266,27 @@ def supporting_side(
     return np.zeros(len(x), dtype=bool), None
 
 
-def held_nodes(structure: Structure, x: Array, size: float) -> tuple[BoolArray, BoolArray]:
-    """Masks of the nodes `x` (N, 3) held in a direction or more, and of the directions (3,) in
-    which nodes can move at all; `size` [m] of the part.
-    """
+def held_nodes(structure: Structure, x: Array, size: float) -> BoolArray:
+    """Mask (N, 3) of the directions in which the nodes `x` (N, 3) are held; `size` [m] of the
+    part."""
     from antiosc.recovery import source
 
+    held = np.zeros(x.shape, dtype=bool)
     motion = 1.0 + (np.arange(structure.rows)[:, None] * GOLDEN_RATIO) % 1.0  # none cancels another
     motion[structure.fixed[structure.fixed < structure.rows]] = 0.0
     try:
         nodes, _, displacements = source(structure).at_nodes(structure, motion)
     except AntioscError:
-        return np.zeros(len(x), dtype=bool), np.ones(3, dtype=bool)
+        return held
 
-    moves = np.abs(displacements[:, :, 0]) > MOTION_ROUNDING
-    movable = moves.any(axis=0)
-    fixed = ~moves[:, movable].all(axis=1)
-    if not fixed.any():
-        return np.zeros(len(x), dtype=bool), movable
-    return cKDTree(nodes[fixed]).query(x)[0] < PLANE_TOLERANCE * size, movable
+    at_rest = np.abs(displacements[:, :, 0]) <= MOTION_ROUNDING
+    for axis in range(3):
+        if at_rest[:, axis].any():
+            distance = cKDTree(nodes[at_rest[:, axis]]).query(x)[0]
+            held[:, axis] = distance < PLANE_TOLERANCE * size
+    return held
+
+
+def supported(held: BoolArray) -> BoolArray:
+    """Mask (N,) of the nodes held in a direction in which others can move."""
+    return np.asarray(held[:, ~held.all(axis=0)].any(axis=1))

@@ -117,16 +117,17 @@ def _inspection_of(
 
     where: tuple[str, ...] = ()
     plane: list[Array] | None = None
-    movable = np.ones(3, dtype=bool)
+    held = np.zeros(x.shape, dtype=bool)
     if structure is not None:
-        supported, movable = guessed.held_nodes(structure, x, size)
+        held = guessed.held_nodes(structure, x, size)
     elif where := guessed.groups_with(mesh, guessed.SUPPORT_WORDS)[:1]:
-        supported = np.zeros(len(x), dtype=bool)
-        supported[guessed.nodes_of(mesh, where)] = True
+        held[guessed.nodes_of(mesh, where)] = True
     else:
-        supported, plane = guessed.supporting_side(x, size, faces if mesh.tdim == 3 else None)
+        lowest, plane = guessed.supporting_side(x, size, faces if mesh.tdim == 3 else None)
+        held[lowest] = True
+    supported = guessed.supported(held)
 
-    point, direction = _guessed_site(mesh, outer, supported, movable)
+    point, direction = _guessed_site(mesh, outer, held)
     cell = None
     if is_meshed and mesh.tdim == 3:
         behind = guessed.thickness_at(x, faces, (point, direction))
@@ -161,25 +162,25 @@ def _inspection_of(
         has_error_bars=mesh.n_cells > 1 if structure is None else _has_error_bars(structure),
         is_meshed=is_meshed,
         longest_cell=longest,
-        radius=rounded_up(longest) if mesh.gdim == 2 and mesh.tdim == 2 else None,
+        radius=rounded_up(min(longest, size / 2)) if mesh.gdim == 2 and mesh.tdim == 2 else None,
     )
 
 
-def _guessed_site(mesh: Mesh, outer: Faces, supported: BoolArray, movable: BoolArray) -> SitePlace:
+def _guessed_site(mesh: Mesh, outer: Faces, held: BoolArray) -> SitePlace:
     """Guess the place at which a mesh is struck.
 
-    `supported`: mask (N,) of the fixed nodes; `movable`: that of movable directions (3,).
+    `held`: mask (N, 3) of the directions in which nodes are held.
     """
     from antiosc.fem.platform import compat
 
     x = np.array(mesh.dolfinx.geometry.x)
     struck: IntArray = guessed.nodes_of(mesh, guessed.groups_with(mesh, guessed.SITE_WORDS)[:1])
     if mesh.tdim == 1:
-        nodes = compat.geometry_nodes(mesh.dolfinx)
-        return guessed.guess_on_lines(x, nodes, supported, movable, struck)
+        return guessed.guess_on_lines(x, compat.geometry_nodes(mesh.dolfinx), held, struck)
+    faces = guessed.nodes_around(outer)
     if mesh.gdim == 2:
-        return guessed.guess_on_rim(x, guessed.nodes_around(outer), supported)
-    return guessed.guess_on_faces(x, guessed.nodes_around(outer), outer, supported, struck)
+        return guessed.guess_on_rim(x, faces, held)
+    return guessed.guess_on_faces(x, faces, outer, held, struck)
 
 
 def _has_error_bars(structure: Structure) -> bool:

@@ -31,6 +31,8 @@ UNITS = {
     "in": (0.0254, 30.46e6, 7.345e-4),
     "ft": (0.3048, 4.386e9, 15.23),
 }
+#: Stiffness of an orthotropic solid, Pa.
+ORTHOTROPIC = "2e11, 8e10, 2e11, 8e10, 8e10, 2e11, 7e10, 7e10,\n7e10\n"
 SIDES = (0.3, 0.1, 0.05)
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
 
@@ -150,6 +152,53 @@ def test_a_truss_held_in_its_plane_is_struck_in_that_plane(tmp_path):
     )
     found = inspect_part(path)
     assert found.direction == [0.0, -1.0, 0.0]
+
+
+CUBE = (
+    "*NODE, NSET=ALL\n"
+    + "".join(f"{k + 1}, {k % 2}, {k // 2 % 2}, {k // 4}\n" for k in range(8))
+    + "*ELEMENT, TYPE=C3D8, ELSET=E\n1, 1, 2, 4, 3, 5, 6, 8, 7\n"
+    "*SOLID SECTION, ELSET=E, MATERIAL=M\n*MATERIAL, NAME=M\n*DENSITY\n7850\n"
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("held", "axis"), [("ALL, 3, 3\n", (0, 1)), ("ALL, 2, 3\n", (0,)), ("1, 1, 3\n", (2,))]
+)
+def test_a_solid_is_struck_where_it_can_move(tmp_path, held, axis):
+    path = tmp_path / "cube.inp"
+    path.write_text(CUBE + "*ELASTIC\n2e11, 0.3\n*BOUNDARY\n" + held)
+    found = inspect_part(path)
+    assert np.abs(found.direction)[list(axis)].max() == pytest.approx(1.0)
+
+
+SHEET = (
+    "*NODE, NSET=ALL\n1, 0, 0, 0\n2, 1, 0, 0\n3, 1, 1, 0\n4, 0, 1, 0\n"
+    "*ELEMENT, TYPE=S4, ELSET=E\n1, 1, 2, 3, 4\n*SHELL SECTION, ELSET=E, MATERIAL=M\n0.1\n"
+    "*MATERIAL, NAME=M\n*DENSITY\n7850\n*ELASTIC\n2e11, 0.3\n"
+)
+
+
+@pytest.mark.slow
+def test_a_sheet_held_across_its_plane_is_struck_in_it(tmp_path):
+    path = tmp_path / "sheet.inp"
+    path.write_text(SHEET + "*BOUNDARY\nALL, 3, 5\n1, 1, 2\n")
+    assert inspect_part(path).direction[2] == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "elastic", ["*ELASTIC\n2e11, 0.3\n", "*ELASTIC, TYPE=ORTHO\n" + ORTHOTROPIC]
+)
+def test_a_part_of_one_cell_runs(tmp_path, capsys, elastic):
+    """Its patch is no larger than the part; of an anisotropic one none is known."""
+    path = tmp_path / "cube.inp"
+    path.write_text(CUBE + elastic + "*BOUNDARY\n1, 1, 3\n2, 1, 3\n3, 1, 3\n4, 1, 3\n")
+    scene = str(tmp_path / "scene.toml")
+    assert antiosc("new", scene, str(path)) == 0
+    assert antiosc("run", scene, "--out", tmp_path) == 0
+    assert "largest force" in capsys.readouterr().out
 
 
 @pytest.mark.slow

@@ -26,7 +26,7 @@ from antiosc.reduce.site.surface import StructurePlane, surface_at
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
     from antiosc.impact.histories import History
-    from antiosc.reduce.site.site import Site
+    from antiosc.reduce.site.site import Functional, Site
 
 #: Cells across the thickness under a site, none of them longer than the ball's radius.
 CELLS_THROUGH_THICKNESS = 3
@@ -59,33 +59,36 @@ def usual_ball(length: float) -> float:
 def patch_radius(
     structure: Structure, site: Site, striker: LinearBody, contact: AnyLaw = AUTO
 ) -> float | None:
-    """Radius [m] of the patch of a solid at a site; None for sheets, beams and matrices."""
+    """Radius [m] of the patch of a solid at a site; None if no patch is known there."""
     try:
         resolved = resolved_radius(with_parts(structure), site)
+        if resolved is None:
+            return None
+        load = functional(structure, replace(site, radius=resolved))
     except AntioscError:
-        return None
-    if resolved is None:
         return None
 
     try:
         with without_warnings():
-            needed = _carrying_radius(structure, replace(site, radius=resolved), striker, contact)
+            needed = _carrying_radius(structure, load, resolved, striker, contact)
     except AntioscError:  # no striker that flies, or a surface that is not known
         needed = None
-    return rounded_up(max(resolved, needed or 0.0))
+
+    assert load.place is not None
+    largest = load.place.member.part.mesh.extent()
+    return min(rounded_up(max(resolved, needed or 0.0)), largest)
 
 
 def _carrying_radius(
-    structure: Structure, site: Site, striker: LinearBody, contact: AnyLaw
+    structure: Structure, load: Functional, radius: float, striker: LinearBody, contact: AnyLaw
 ) -> float | None:
     """Radius [m] of a patch that carries the force of the striker on a rigid wall."""
-    load = functional(structure, site)
-    face = StructurePlane(structure, surface_at(structure, load.point, load.direction, site.radius))
+    face = StructurePlane(structure, surface_at(structure, load.point, load.direction, radius))
     law = law_of(contact, face, striker)
 
     pulse = BAND_TIME_PRODUCT / (2 * impact_band(striker, law))
     wall = simulate(Obstacle(), striker, law, duration=WALL_DURATION_RATIO * pulse)
-    return law.without(load.local_compliance).enough_radius(wall.peak_force, site.radius)
+    return law.without(load.local_compliance).enough_radius(wall.peak_force, radius)
 
 
 def next_count(hit: History) -> int | None:

@@ -255,7 +255,8 @@ def farthest_points(ground: SurfaceSample, most: int | None) -> SurfaceSample:
 
 
 def resolved_radius(structure: PartsMatrices, site: Site) -> float | None:
-    """Least radius [m] of a patch at a site that facets resolve; None on sheets and beams."""
+    """Least radius [m] of a patch at a site that facets resolve, at most the size of the part; None
+    on sheets and beams."""
     ((place, end),) = places_of(structure, [site])
     if end is not None or not place.member.part.kind.outside:
         return None
@@ -280,7 +281,7 @@ def resolved_radius(structure: PartsMatrices, site: Site) -> float | None:
     radius = RESOLVED_RATIO * largest
     while (largest := float(contact(radius).largest[0])) > radius:
         radius = RESOLVED_RATIO * largest
-    return radius
+    return min(radius, extent)
 
 
 def _from_supports(structure: MeshedStructure, points: Array) -> Array:
