@@ -55,7 +55,8 @@ class DampingMatrix(ReprMixin):
 
     matrix: Array
     branches: Sequence[tuple[Array, float]] = ()
-    factor: Array = field(init=False)
+    factor: Array = field(init=False)  # L (r, n) of C = L'L
+    #: (L_k, tau) of each branch, G = L_k'L_k
     factors: tuple[tuple[Array, float], ...] = field(init=False)
 
     def __post_init__(self) -> None:

@@ -32,17 +32,17 @@ SHORTER_REMEDY = "shorten the duration, or use fewer contacts or anti-oscillator
 class Run:
     """One run: values at 0, h/2 and h of every step, and the events."""
 
-    time: Array  # (2 n + 1,)
-    force: Array  # (2 n + 1, m)
-    depth: Array  # (2 n + 1, m)
-    states: Array  # (n // every + 1, 2, J) at the start of every `every`th step
-    events: Array  # (., 4) time, contact, branch that begins, closing speed
+    time: Array  # (2 n + 1,) [s]
+    force: Array  # (2 n + 1, m) of each row of the system [N]
+    depth: Array  # (2 n + 1, m) indentations, or displacements of other rows [m]
+    states: Array  # (n // every + 1, 2, J) modal q and q' at the start of every `every`th step
+    events: Array  # (., 4) time [s], contact number, branch that begins (0: apart), closing speed
     answer: int  # status of the C library: why the march stopped
-    steps: int
+    steps: int  # number n of steps
     attempts: int  # number of steps tried, including those given up for shorter ones
-    touches: int
+    touches: int  # number of touches of all contacts
     refused: int = 0  # number of steps given up because of their error
-    every: int = 1
+    every: int = 1  # steps from one of `states` to the next
 
     def contact_states(self, system: System, t: float) -> list[ContactState | None]:
         """States (p) of the contacts at t [s], to continue a run; None before the first touch."""
@@ -299,9 +299,9 @@ class Converged:
 
     run: Run
     step_tol: float
-    force: float
-    peak: float
-    certain_time: float
+    force: float  # relative error of the forces (L2 norm, impulse); inf: unknown, 0: not estimated
+    peak: float  # likewise, the larger of `force` and the error of the peak force
+    certain_time: float  # [s]
 
 
 def stop_text(answer: int, t: float, max_contacts: int, max_steps: int) -> str:

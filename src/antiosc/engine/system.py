@@ -68,16 +68,18 @@ class System:
     #: omega, decay: (J,) frequencies [rad/s] and decay constants [1/s] of all bodies in turn
     omega: Array
     decay: Array
-    beta: Array  # (m, J), the p contacts first, then the tangential rows of their friction
-    R: Array  # (m, m) residual compliance
-    #: breaks, loads, offsets: (K,) times, (K, J) modal loads, (K, m) gaps
+    #: (m, J) indentations of the p contacts in each mode, then tangential displacements (friction),
+    #: then modal displacements, on which `quadratic` and `cubic` act
+    beta: Array
+    R: Array  # (m, m) residual compliance [m/N]
+    #: breaks, loads, offsets: (K,) times [s], (K, J) modal loads, (K, m) gaps [m], linear in time
     breaks: Array
     loads: Array
     offsets: Array
     laws: Sequence[ContactLaw]  # p contact laws
-    #: (p,) data of the contacts (`CONTACT_RECORD`), without their laws
+    #: (p,) `CONTACT_RECORD`: friction and its rows, inertia, expected depth, preload, …; no laws
     contacts: NDArray[np.void]
-    #: q, v: (J,) initial state
+    #: q, v: (J,) initial modal displacements and velocities
     q: Array
     v: Array
     contact_energy: float = 0.0  # energy [J] in the contacts at the start
@@ -205,12 +207,12 @@ class System:
 class BodyModes(NamedTuple):
     """The J modes of one body in a system; None means zeros."""
 
-    #: omega, decay: (J,) [rad/s], [1/s]
+    #: omega, decay: (J,) frequencies [rad/s] and decay constants [1/s]
     omega: Array
     decay: Array | None
     beta: Array  # (m, J) displacements in the rows of the system, or (J,) in its only row
     v: Array  # (J,) modal velocities at the start
-    load: Array | None = None  # (J,) modal forces that last
+    load: Array | None = None  # (J,) constant modal forces
 
 
 def consecutive_slices(sizes: Iterable[int]) -> list[slice]:

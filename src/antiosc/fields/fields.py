@@ -290,7 +290,12 @@ def with_pair_columns(
 def tensors_at_nodes(
     structure: Structure, history: AnyHistory, body: str, shapes: Array, *selection: Any
 ) -> tuple[Any, Any, NodeTensors]:
-    """`mesh_fields.tensors_at_nodes` for a body's shapes (see `with_pair_columns`)."""
+    """Tensors of a body's shapes at the nodes, on rank 0: (points (P, 3) [m], [(meshio's cell type,
+    point numbers (cells, v))] by part, strains or stresses at the points).
+
+    Columns of second-order pairs come last (`with_pair_columns`). `selection`: quantity, places and
+    further arguments of `mesh_fields.tensors_at_nodes`.
+    """
     results: list[Any] = []
 
     def at(columns: Array, second_order: bool) -> Array:

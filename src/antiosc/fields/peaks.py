@@ -92,6 +92,7 @@ class PeakField(CompletedResult):
     points: Array
     values: Array
     times: Array
+    #: (meshio's cell type, (cells, v) nodes of each) by part
     _cells: list[tuple[str, IntArray]] = field(repr=False)
     error: float | None = None
     exposure: Array | None = None
@@ -381,10 +382,11 @@ class NodalMaxima:
     times: Array
     error: float | None = None  # bound, by sampling
     exposure: Array = field(default_factory=lambda: np.zeros(0))
-    strength: Array = field(default_factory=lambda: np.zeros(0))  # Pa or 1
+    #: strength, exposure_times, ply of `exposure`: Pa or 1 (inf: unknown), s, index in `ply_places`
+    strength: Array = field(default_factory=lambda: np.zeros(0))
     exposure_times: Array = field(default_factory=lambda: np.zeros(0))
     ply: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
-    mesh_error: Array | None = None
+    mesh_error: Array | None = None  # (P,) estimated error of `values` by the mesh
 
     @classmethod
     def none(cls, count: int) -> NodalMaxima:

@@ -177,9 +177,9 @@ class Assembly:
     #: scene, bodies: bodies and contacts as given by the user; the placed bodies by name
     scene: SceneParts
     bodies: dict[str, SceneBody]
-    G: Array  # (m, P) the rows: contacts, then the tangential rows of their friction
+    G: Array  # (m, P) rows of `system` (contacts, then friction) per displacement of P columns
     laws: list[ContactLaw]  # contact laws, without the compliance of patches; `notes` say so
-    notes: list[str]
+    notes: list[str]  # sentences
     system: System  # the system that is integrated in time
     contact_time_estimate: float  # shortest expected contact time [s]
     #: second-order forces of the bodies that stretch, which have further rows in `system`

@@ -199,7 +199,7 @@ def _chosen_laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -
 
 @dataclass(eq=False)
 class _SceneResult:
-    """Results of one scene of a batch; `failure` is the error of a failed scene, else None."""
+    """Results of one scene of a batch, as of a `History`; `failure`: error of a failed scene."""
 
     status: int
     message: str
@@ -207,10 +207,10 @@ class _SceneResult:
     impulse: float = np.nan
     contact_time: float = np.nan
     restitution: float = np.nan
-    contacts: int = 0
-    step: float = np.nan
-    error: float = np.nan
-    force: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
+    contacts: int = 0  # their number
+    step: float = np.nan  # in contact, mean [s]
+    error: float = np.nan  # of the force, relative
+    force: tuple[Array, Array] = (np.zeros(0), np.zeros(0))  # times [s] in contact, forces [N]
     failure: AntioscError | None = None
     warnings_text: str = ""
 

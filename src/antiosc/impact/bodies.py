@@ -207,7 +207,7 @@ _NO_MODES = ModalBody(np.zeros(0), np.zeros(0), weight=np.zeros(0))
 
 @dataclass(frozen=True, repr=False)
 class Obstacle(FieldsRepr, Body):
-    """A fixed rigid obstacle, `gap` [m] away from a structure that moves toward it."""
+    """A fixed rigid obstacle (velocity 0), `gap` [m] away from a structure that moves toward it."""
 
     gap: float = 0.0
     velocity: float = 0.0

@@ -96,14 +96,15 @@ def proved_error(proof: Enclosure, quantity: str, value: float) -> float:
 
 
 class _ReferenceBody(NamedTuple):
-    """Modes of one body in the reference motion of the proof, with load and start velocity."""
+    """J modes of one body in the reference motion of the proof, with load and start velocity."""
 
+    #: omega, decay: (J,) frequencies [rad/s] and decay constants [1/s]
     omega: Array
     decay: Array
-    lag: Array  # of modes that follow their force; 0 for other modes
-    beta: Array
-    load: Array
-    v: Array
+    lag: Array  # (J,) [s] of modes that follow their force; 0 for other modes
+    beta: Array  # (m, J) indentation of the m contacts in each mode
+    load: Array  # (J,) modal forces
+    v: Array  # (J,) modal velocities
     modes: ReferenceModes | None = None  # None for a rigid body
     damping: Damping = NO_DAMPING
     compliance: Array | None = None  # (m,) [m/N] under a constant force, if it is finite

@@ -170,7 +170,7 @@ class RepeatableSceneRun:
 
     scene: Scene
     settings: Settings
-    duration: float
+    duration: float  # [s]
 
     def again(self, changes: Mapping[str, Any]) -> History:
         scene = self.scene

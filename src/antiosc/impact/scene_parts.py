@@ -153,11 +153,12 @@ class SceneParts(FieldsRepr):
 
     bodies: Mapping[str, object]
     contacts: Sequence[Contact]
-    gravity: float | Sequence[float] = 0.0
+    gravity: float | Sequence[float] = 0.0  # [m/s^2] along the contacts, or a vector (3,)
     loads: Sequence[Load] = ()
     base: Base | None = None
+    #: initial motion; a number is the velocity [m/s] of the body's one coordinate
     motion: Mapping[str, Motion | ModalState | float] = field(default_factory=dict)
-    preload: bool = False
+    preload: bool = False  # whether it starts from static equilibrium under gravity and loads
 
     def __post_init__(self) -> None:
         for name in ("bodies", "motion"):
@@ -274,8 +275,8 @@ class StackedBodies(NamedTuple):
     spans: dict[str, slice]  # of the modes of each body
     columns: dict[str, slice]  # of the columns of each body
     B: Array  # (J, P) displacements of all columns
-    r: Array  # (P, P) their residual compliance
-    #: omega, decay, q, v: (J,) frequencies, decay constants, and the motion at the start
+    r: Array  # (P, P) their residual compliance [m/N]
+    #: omega, decay, q, v: (J,) [rad/s], [1/s], modal displacements and velocities at the start
     omega: Array
     decay: Array
     q: Array

@@ -21,11 +21,11 @@ PROOF_TOL = 1e-4
 class Settings:
     """Options of the integration of a scene, as for `Scene.run`."""
 
-    tol: float = 1e-3
-    method: str = "exact"
-    step: float | None = None
-    max_contacts: int = MAX_CONTACTS
-    max_steps: int = MAX_STEPS
+    tol: float = 1e-3  # relative error of the contact forces
+    method: str = "exact"  # one of `METHODS`
+    step: float | None = None  # time step in contact [s]; None: chosen from `tol`
+    max_contacts: int = MAX_CONTACTS  # number of touches at which the run stops
+    max_steps: int = MAX_STEPS  # number of attempted steps at which it stops
 
     def __post_init__(self) -> None:
         checks.choice("method", self.method, METHODS)

@@ -82,7 +82,7 @@ class StretchedMotion:
 
     stretch: Stretch  # its second-order forces
     omega: Array  # (J,) rad/s, of the free modes
-    amplitude: Array  # (m, m) triangular factor of the amplitudes (n, m) of its modes
+    amplitude: Array  # (m, m) R of A = Q R, A (n, m) the amplitudes of its m modes over time
     #: largest static displacement of a site by second-order forces over its largest displacement
     change: float
 

@@ -75,7 +75,7 @@ class TruncationError:
     peak_force: float
     impulse: float
     contact_time: float
-    deflection: float = 0.0
+    deflection: float = 0.0  # largest displacement of a supported site
 
     @property
     def worst(self) -> float:

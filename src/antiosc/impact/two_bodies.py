@@ -106,10 +106,10 @@ class Impact(NamedTuple):
     model: LinearBody
     impactor: LinearBody
     contact: ContactLaw
-    duration: float
-    initial_velocity: float | Motion = 0.0
-    gravity: float | Sequence[float] = 0.0
-    gap: float | None = None
+    duration: float  # [s]
+    initial_velocity: float | Motion = 0.0  # of `model` [m/s], > 0 toward the impactor
+    gravity: float | Sequence[float] = 0.0  # [m/s^2] along the impact, or a vector (3,)
+    gap: float | None = None  # [m] at the start; None: that of the impactor
 
     def group(self) -> tuple[object, ...] | None:
         """Key that is equal for impacts that one C call can solve together; None for others."""

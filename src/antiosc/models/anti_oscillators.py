@@ -215,7 +215,9 @@ class ReducedMatrices(FieldsRepr):
     #: K, M: (n, n) N/m and kg, the dofs of the sites first, then one for each anti-oscillator
     K: Array
     M: Array
-    labels: IntArray  # (n, 2) node and dof (1 to 6; 0 for scalar points) of each row
+    #: (n, 2) numbers of the node and the dof of each row: dof 1 to 6 for x, y, z, rx, ry, rz, 0 for
+    #: scalar points; anti-oscillators are scalar points, numbered after the last node of the sites
+    labels: IntArray
 
     def save(self, path: str | os.PathLike[str]) -> list[Path]:
         """Write K and M as Matrix Market, `<name>_K.mtx` and `<name>_M.mtx`, beside `<name>.map`.

@@ -260,7 +260,7 @@ class ModalModel(Body):
 
     modes: ModalBody
     local_compliance: float = 0.0
-    radius: float | None = None
+    radius: float | None = None  # of its patch [m]
     stretch: Stretch | None = None
     velocity: float | Motion = 0.0
     gap: float = 0.0

@@ -111,8 +111,9 @@ def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | Non
 class ModalBase(ReprMixin):
     """Common base of bodies with one contact point (`ModalBody`) and with several (`SiteModes`).
 
-    The arrays of a `ModalBody` have no axis for its one contact point. For both, `B`, `R`,
-    `columns` and `axes` are of P >= 1 columns, each one direction at a contact point.
+    These describe the fields. The arrays of a `ModalBody` have no axis for its one contact point.
+    For both, `B`, `R`, `columns` and `axes` are of P >= 1 columns, each one direction at a contact
+    point.
     """
 
     omega: Array

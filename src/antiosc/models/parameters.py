@@ -52,7 +52,7 @@ RIGID_SHARE = 1e-11
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class Parameters(Body):
-    """Fields of `AntiOscillators`, and properties computed from them by one formula each."""
+    """Fields, as `AntiOscillators` describes them, and properties computed by one formula each."""
 
     m0: Value
     k0: Value

@@ -41,7 +41,10 @@ def _damping_ratio(damping: Damping) -> float:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ReferenceModes:
-    """Free modes of unit mass of a Galerkin model, and residual loads of the model."""
+    """Free modes of unit mass of a Galerkin model, and residual loads A W f of the model.
+
+    p: number of sites; W: next Krylov vectors, A-orthonormal, A = K + sM; f (k,): amplitudes.
+    """
 
     omega: Array  # (J,) [rad/s]; rigid-body modes are the first ones, with 0
     b: Array  # (J, p) displacements of the sites
@@ -106,7 +109,10 @@ class ReferenceModes:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Recurrence(FieldsRepr):
-    """Block Lanczos recurrence of a Krylov model, which bounds the motion that it leaves out."""
+    """Block Lanczos recurrence of a Krylov model, which bounds the motion that it leaves out.
+
+    Φ: shapes of unit displacements at p sites; V: N Krylov vectors, A-orthonormal, A = K + sM.
+    """
 
     #: k0, mass: ΦᵀKΦ [N/m] and ΦᵀMΦ [kg], (p, p)
     k0: Array

@@ -116,11 +116,11 @@ ENLARGED_SHARE = 0.08
 class DeformedSurface:
     """A deformed surface at one time; `displacements` are its moved points."""
 
-    #: points, moved: (P, 3) [m], at rest and with displacements drawn larger
+    #: points, displacements: (P, 3) [m], positions at rest and with displacements drawn larger
     points: Array
     displacements: Array
     faces: IntArray  # (F, 3 or 4) indices of corners; (F, 2) of lines, (F, 1) of points
-    values: Array  # (P,) magnitude of the displacements, in the unit that `label` states
+    values: Array  # (P,) displacement, or a `PeakField`'s values, in the unit that `label` states
     label: str  # label of the values, with the magnification of the displacements; "": no scale
     largest: float  # largest value at all times
 

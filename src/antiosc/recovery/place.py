@@ -112,7 +112,7 @@ class NodeTensors(NamedTuple):
     """Tensors at nodes, on rank 0; a node may have several, for instance of two materials."""
 
     nodes: IntArray  # (S,) node of each tensor
-    columns: Array  # (S, 6, columns) components
+    columns: Array  # (S, 6, columns) components 11, 22, 33, 23, 13, 12 for each shape
     origin: IntArray  # (S,) index of each tensor in `origins`
     origins: list[Origin]
 

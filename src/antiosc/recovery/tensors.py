@@ -357,7 +357,7 @@ class SheetFrame(NamedTuple):
 
 
 class Strains(NamedTuple):
-    """Strains and curvatures of the middle surface of a sheet, in its axes."""
+    """Strains, curvatures of a sheet's middle surface at P points, in its axes; columns: shapes."""
 
     #: (ε1, ε2, γ12) (P, 3, columns)
     membrane: Array

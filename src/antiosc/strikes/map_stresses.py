@@ -43,9 +43,9 @@ BOUND_ROUNDING = 1e-3
 class MapStresses(NamedTuple):
     """The fields `peak_stress`, `exposure` and `stress_points` of an `ImpactMap`."""
 
-    peak_stress: Array
-    exposure: Array | None
-    stress_points: Array
+    peak_stress: Array  # (P,) largest von Mises stress for each site [Pa]
+    exposure: Array | None  # (P,) largest share of the yield strength
+    stress_points: Array  # (P, 3) where [m]
 
 
 class _ShapeStresses(NamedTuple):

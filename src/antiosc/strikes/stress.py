@@ -59,7 +59,7 @@ class StressResult:
     structure: Structure
     hit: Any  # History or Fall
     rounds: int = 0  # number of meshes after the first
-    seconds: float = 0.0
+    seconds: float = 0.0  # of computing all rounds
     reason: str = ""  # the bar is wider than the tolerance; "" if it is not
 
 

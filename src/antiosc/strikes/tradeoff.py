@@ -79,7 +79,7 @@ class TradeoffMember:
     """One method to compute the impact, with cost, accuracy and results (SI units)."""
 
     family: str  # of the elements
-    size: float  # mean size of the cells, the root of their mean volume (area, length)
+    size: float  # mean size of the cells [m], the root of their mean volume (area, length)
     order: int  # degree of the elements
     dofs: int
     n: int  # number of anti-oscillators

@@ -222,7 +222,7 @@ class Compiled(Checked, ContactLaw):
 
     #: the library's number of the law
     kind: ClassVar[int]
-    #: numbers of the state
+    #: number of floats in the state
     size: ClassVar[int] = 0
     #: parameters for the C library without compliance, if they differ from the fields
     _parameters: list[float] | None = None

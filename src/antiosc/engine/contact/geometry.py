@@ -73,8 +73,8 @@ def hertz_stiffness(E_star: float, A: float, B: float) -> float:
 class EquivalentCircle(NamedTuple):
     """The circular contact that replaces an elliptic one; `error`: relative error of the force."""
 
-    modulus: float
-    radius: float
+    modulus: float  # contact modulus E* [Pa]
+    radius: float  # relative radius of curvature [m]
     error: float
 
 

@@ -204,7 +204,8 @@ HERTZ_EXPONENT = 1.5
 class _Damped(PatchedLaw):
     """Base of damped laws: F = stiffness * delta^exponent * (1 + d * rate/v0), never negative.
 
-    v0: speed of approach; stiffness [N/m^exponent]; restitution 0 < e <= 1; exponent >= 1.
+    d: `factor`, from the restitution 0 < e <= 1; v0: speed of approach; stiffness [N/m^exponent];
+    exponent >= 1.
     """
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m^exponent"))

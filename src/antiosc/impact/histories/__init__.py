@@ -50,8 +50,9 @@ class History(RunHistory, SavableResults):
     Attributes
     ----------
     error : estimated relative errors, the largest of all contacts: "force" (L2 norm and impulse)
-        and "peak"; empty if the user set the step. With n="auto" also "truncation peak_force",
-        "... impulse", "... contact_time".
+        and "peak" (at least "force"), not if the user set the step or took SciPy's method; with
+        n="auto" also "truncation peak_force", "... impulse", "... contact_time"; with an
+        automatic number of second-order modes also "stretch peak_force", ...
     status : 0: completed; 1: completed, tol not met; 2: stopped before the end; 3: completed, but
         a contact is still closed at the end of the run: its contact time, impulse and peak force
         count up to there.

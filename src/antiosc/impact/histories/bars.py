@@ -265,7 +265,11 @@ def relative_differences(first: object, second: object) -> dict[str, float]:
 
 
 def are_comparable(first: Any, second: Any) -> bool:
-    """Whether the main impacts of two results have the same number of contacts, if known."""
+    """Whether the main impacts of two results have the same number of contacts.
+
+    An unknown number counts as 0. The main impact is the one with the largest impulse; contacts
+    belong to one impact if the flight between them is shorter than the impact before it.
+    """
     return contacts_of_main(first) == contacts_of_main(second)
 
 

@@ -41,7 +41,10 @@ class SeveralContactsError(InputError, AttributeError):
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class RunHistory(OneContact):
-    """Motion, forces and energies of a run: `History` without its tables and texts."""
+    """Motion, forces and energies of a run: `History` without its tables and texts.
+
+    `assembly`: the scene in modal coordinates; `run`: its integration; others as in `History`.
+    """
 
     assembly: Assembly
     run: Run

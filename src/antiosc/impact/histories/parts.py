@@ -243,6 +243,7 @@ class BodyHistory(ReprMixin):
     Attributes
     ----------
     time : (n,) [s].
+    placed : the body as placed in the scene.
     q, v, a : (n, J) modal displacements, velocities and accelerations.
     forces : (n, P) forces on the columns of its sites, along their directions [N].
     springs : (n, J) modal displacements of the spring, for each Maxwell branch of its damping.
@@ -258,7 +259,7 @@ class BodyHistory(ReprMixin):
     forces: Array
     kinetic: Array
     strain: Array
-    _columns: Array
+    _columns: Array  # (n, P) displacements along these directions [m]
     springs: Sequence[Array] = ()
     stretched: Stretch | None = None
 

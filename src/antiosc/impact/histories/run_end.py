@@ -25,10 +25,11 @@ _MAX_NAMED = 5
 class RunEnd(NamedTuple):
     """Data on the end of a run, from which `status_of` makes status and message."""
 
-    answer: int
+    answer: int  # status of the C library
     time: float  # time reached [s]
     touches: int  # number of touches
-    closed_contacts: Sequence[int]  # contacts still closed
+    closed_contacts: Sequence[int]  # numbers of the contacts still closed
+    #: force, peak, certain_time: relative errors, and time [s] up to which runs agree (`Converged`)
     force: float
     peak: float
     certain_time: float

@@ -1,4 +1,9 @@
-"""Largest displacement of the site of a struck part, and whether the striker is out of reach."""
+"""Largest displacement of the site of a struck part, and whether the bodies have parted.
+
+They have parted if no contact is closed at the end of the run, their rigid-body motions do not
+approach, and the striker is farther from the site's place at rest than the site has moved from it
+at any time of the run. Of a free part this distance is not checked.
+"""
 
 from __future__ import annotations
 

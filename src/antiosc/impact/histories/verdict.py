@@ -73,7 +73,7 @@ class ContactZone(NamedTuple):
     #: radius [m] over which the model spreads the force; inf: over modes of the whole body
     patch: float
     force: float  # the largest [N]
-    nu: float
+    nu: float  # Poisson's ratio of the softer side, or of the one that yields
     thickness: float = 0.0  # of a sheet [m], 0 of a solid
 
     @property

@@ -71,7 +71,7 @@ class SiteShapes:
     #: (rows, h) M-orthonormal rigid-body modes to which the constraint modes are orthogonal
     nodal: Array
     missed: Array  # (h, p) displacements of the sites in these modes, which the model omits
-    #: y, bAb: (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load
+    #: y, compliance: (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load
     y: Array
     compliance: Array
     share: float  # largest share σ² of a rigid-body mode in the compliances
@@ -81,7 +81,7 @@ class SiteShapes:
 
     @cached_property
     def _inverse_compliance(self) -> Array:
-        """Inverse (p, p) of the compliance `bAb`."""
+        """Inverse (p, p) of `compliance`."""
         return np.linalg.inv(self.compliance)
 
     def constrained(self, comm: MPI.Comm, x: Array) -> Array:

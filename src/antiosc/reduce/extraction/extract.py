@@ -61,14 +61,14 @@ ErrorOption = Literal["estimate"] | None
 class ExtractOptions:
     """The checked arguments of `extract`."""
 
-    n: int
+    n: int  # number of anti-oscillators, with a band the largest
     method: Method
-    tol: float
-    band: float | None  # rad/s
-    accuracy: float
-    expansion: float | None = None  # Hz
-    proof: bool = False
-    error: ErrorOption = None
+    tol: float  # share in |Z| below which a mode is unobservable
+    band: float | None  # highest frequency of interest, rad/s
+    accuracy: float  # largest |ΔZ|/|Z| over the band
+    expansion: float | None = None  # frequency of the expansion point, Hz; None: static
+    proof: bool = False  # whether to store the data of proved bounds
+    error: ErrorOption = None  # "estimate": that of the mesh
 
 
 def _model_at(

@@ -81,7 +81,7 @@ class ConstraintModes:
     modes: Modes
     P: Array  # φ_iᵀMΦ of the modes, kg^½ of the basis, (n, p)
     m0: Array  # residual mass (p, p)
-    residual_forces: Array  # residual forces of the modes over their elastic ones, (n,)
+    residual_forces: Array  # norm of K φ - ω² M φ - site reactions over that of K φ, (n,)
     #: stiffnesses, masses: φ_iᵀKφ_j and φ_iᵀMφ_j as computed, (n, n)
     stiffnesses: Array
     masses: Array
@@ -149,7 +149,7 @@ def _residual_forces(
 class Selection:
     """The anti-oscillators of a model, selected from the constraint modes."""
 
-    #: m0, P, omega: residual mass (p, p), P (N, p) and circular frequencies (N,)
+    #: m0, P, omega: residual mass (p, p), φ_iᵀMΦ (N, p), circular frequencies (N,) [rad/s]
     m0: Array
     P: Array
     omega: Array

@@ -72,7 +72,10 @@ def with_stretch(
 
 
 class _PartMotions(NamedTuple):
-    """A part's Gauss points, the rows of its dofs, derivatives (points, d, b) of each motion."""
+    """A part's Gauss points, the rows of its dofs, derivatives (points, d, b) of each motion.
+
+    d: directions (axes, tangents, or a beam's line); b: displacements and rotations of a node.
+    """
 
     points: PartPoints
     rows: slice
