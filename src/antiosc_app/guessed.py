@@ -139,7 +139,8 @@ def guess_on_rim(x: Array, faces: IntArray, held: BoolArray) -> SitePlace:
     across *= np.sign(np.einsum("ni,ni->n", across, inward))[:, None]
 
     offset = np.abs(middle[:, 0] - x[:, 0].mean())
-    far = _distances_from_supports(x, supported(held), middle)
+    moves = (across * ~held[ends[outer]].all(axis=1)).any(axis=1)
+    far = _distances_from_supports(x, supported(held), middle) * moves
     best = np.lexsort((offset, -np.round(middle[:, 1], 9), -far))[0]
     return middle[best], across[best]
 

@@ -181,6 +181,14 @@ SHEET = (
 
 
 @pytest.mark.slow
+def test_a_plane_part_is_struck_on_an_edge_that_can_move(tmp_path):
+    path = tmp_path / "plane.inp"
+    plane = SHEET.replace("S4", "CPS4").replace("SHELL", "SOLID")
+    path.write_text(plane + "*BOUNDARY\nALL, 2\n1, 1\n")
+    assert np.abs(inspect_part(path).direction) == pytest.approx([1.0, 0.0, 0.0])
+
+
+@pytest.mark.slow
 def test_a_sheet_held_across_its_plane_is_struck_in_it(tmp_path):
     path = tmp_path / "sheet.inp"
     path.write_text(SHEET + "*BOUNDARY\nALL, 3, 5\n1, 1, 2\n")
