@@ -309,8 +309,8 @@ def _mesh_doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
         yield (
             without_radius,
             "the compliance under a point load on a solid grows without limit as the mesh is"
-            f" refined: give a radius of {engineering(rounded_up(size), 'm', 2)} or more, the size"
-            " of the element there.",
+            " refined: give a site on a Solid a radius of"
+            f" {engineering(rounded_up(size), 'm', 2)} or more, the size of the element there.",
         )
 
     # patches that are smaller than the facets under them
