@@ -20,6 +20,8 @@ from antiosc.base.errors import InputError
 
 #: Axes of the six components of a symmetric tensor: 11, 22, 33, 23, 13, 12.
 COMPONENT_AXES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+#: Number of the component (3, 3) at each place of a tensor.
+TENSOR_PLACES = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 #: Asymmetry of a tensor, over its largest entry, that is rounding.
 ASYMMETRY_TOLERANCE = 1e-9
 
@@ -151,10 +153,7 @@ def principal_ends(components: Array) -> tuple[Array, Array]:
 
 def tensors_of_components(components: Array) -> Array:
     """Tensors (..., 3, 3) of their components 11, 22, 33, 23, 13, 12 (..., 6)."""
-    result = np.empty((*components.shape[:-1], 3, 3))
-    for k, (i, j) in enumerate(COMPONENT_AXES):
-        result[..., i, j] = result[..., j, i] = components[..., k]
-    return result
+    return components[..., TENSOR_PLACES]
 
 
 _PRESSURE_CHECK = checked_by(positive, "Pa")

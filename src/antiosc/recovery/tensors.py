@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.base.stresses import COMPONENT_AXES, tensors_of_components
+from antiosc.base.stresses import COMPONENT_AXES, TENSOR_PLACES
 from antiosc.fem.elements import Layer, shear_stresses
 from antiosc.fem.elements.beam import Beam, height_directions
 from antiosc.fem.elements.shell import GivenSheet, Laminate, Sheet
@@ -33,7 +33,8 @@ from antiosc.recovery.place import Place
 
 def rotated_tensors(tensors: Array, R: Array) -> Array:
     """Tensors (P, 3, 3, columns) in the axes that are the rows of R (P, 3, 3)."""
-    return np.einsum("pia,pabk,pjb->pijk", R, tensors, R, optimize=True)
+    rows = R @ tensors.reshape(len(R), 3, 3 * tensors.shape[3])
+    return np.asarray(R[:, None] @ rows.reshape(tensors.shape))
 
 
 def from_frame(local: Array, frame: Sequence[Array]) -> Array:
@@ -43,7 +44,7 @@ def from_frame(local: Array, frame: Sequence[Array]) -> Array:
 
 def column_tensors(six: Array) -> Array:
     """Tensors (P, 3, 3, columns) from components (P, 6, columns), ordered by `COMPONENT_AXES`."""
-    return np.moveaxis(tensors_of_components(np.moveaxis(six, 1, -1)), 1, -1)
+    return six[:, TENSOR_PLACES]
 
 
 class PointsInCells:
@@ -116,7 +117,9 @@ class PointsInCells:
         if not len(self.X):
             return np.zeros((0, *dofs.shape[2:]))
         table = compat.tabulate(self._space, self._first, self.X)
-        return np.einsum("pf,pfck->pck", table, dofs, optimize=True)
+        count, functions, components, columns = dofs.shape
+        values = table[:, None] @ dofs.reshape(count, functions, components * columns)
+        return np.asarray(values.reshape(count, components, columns))
 
     def slopes(self, dofs: Array, inverse: Array | None = None) -> Array:
         """Derivatives (P, components, tdim, columns) by X; by x if `inverse`, dX/dx, is given."""
@@ -486,25 +489,20 @@ def _layer_and_height(sheet: Sheet, place: Place) -> tuple[int, float]:
 def _strains_at_points(at: PointsInCells, axes: SheetAxes) -> Strains:
     """Strains evaluated at the points, without the interpolation of the element."""
     frame = axes.frame(at)
-    e1, e2, n = frame
-
-    # contravariant tangents: ds along e_α of the reference coordinates
-    inverse = np.linalg.pinv(at.J)  # (P, 2, 3)
-    gradients = np.einsum("pdc,pac->pda", inverse, np.stack([e1, e2], axis=1))
+    in_axes = np.stack(frame, axis=1)  # (P, 3, 3), the axes as rows
+    gradients = np.linalg.pinv(at.J) @ in_axes[:, :2].swapaxes(1, 2)  # reference by e1, e2
     displacements = at.dofs("xyz")
     rotations = at.dofs(("rx", "ry", "rz"))
-    du = np.einsum("pcdk,pda->pcak", at.slopes(displacements), gradients, optimize=True)
-    dr = np.einsum("pcdk,pda->pcak", at.slopes(rotations), gradients, optimize=True)
 
-    def dotted(vectors: Array, axis: Array) -> Array:
-        """Scalar products (P, …) of vectors (P, 3, …) with an axis (P, 3)."""
-        return np.einsum("pc...,pc->p...", vectors, axis)
+    def local_slopes(dofs: Array) -> Array:
+        """Slopes (P, 3, 2, columns) along e1 and e2 of the components along e1, e2 and n."""
+        slopes = at.slopes(dofs, gradients)
+        rows = in_axes @ slopes.reshape(len(slopes), 3, 2 * slopes.shape[3])
+        return np.asarray(rows.reshape(slopes.shape))
 
-    du1 = dotted(du, e1)
-    du2 = dotted(du, e2)
-    dr1 = dotted(dr, e1)
-    dr2 = dotted(dr, e2)
-    membrane = np.stack([du1[:, 0], du2[:, 1], du1[:, 1] + du2[:, 0]], axis=1)
+    du = local_slopes(displacements)
+    dr = local_slopes(rotations)
+    membrane = np.stack([du[:, 0, 0], du[:, 1, 1], du[:, 0, 1] + du[:, 1, 0]], axis=1)
 
     if at.part.initial is not None:
         products = np.einsum("pcak,pcbk->pabk", du, du)
@@ -512,30 +510,29 @@ def _strains_at_points(at: PointsInCells, axes: SheetAxes) -> Strains:
         membrane += np.stack(second, axis=1)
 
     # θ × n = (θ·e2) e1 − (θ·e1) e2
-    bending = np.stack([dr2[:, 0], -dr1[:, 1], dr2[:, 1] - dr1[:, 0]], axis=1)
-    leaning = _shear_rotations(at, rotations, frame)
-    return Strains(membrane, bending, dotted(du, n) + leaning)
+    bending = np.stack([dr[:, 1, 0], -dr[:, 0, 1], dr[:, 1, 1] - dr[:, 0, 0]], axis=1)
+    return Strains(membrane, bending, du[:, 2] + _shear_rotations(at, rotations, frame))
 
 
 def _shear_rotations(at: PointsInCells, rotations: Array, frame: SheetFrame) -> Array:
     """θ×n along e1 and e2 (P, 2, columns); in triangles interpolated as in the strain energy."""
     e1, e2, n = frame
-    tangents = np.stack([e1, e2], axis=1)
     if at.part.mesh.cell != "triangle":
-        rotated = np.cross(at.values(rotations), n[:, :, None], axis=1)
-        return np.einsum("pck,pac->pak", rotated, tangents)
-    if not len(at.X):
-        return np.zeros((0, 2, rotations.shape[-1]))
+        return np.asarray(np.stack([e2, -e1], axis=1) @ at.values(rotations))
+    count, functions, components, columns = rotations.shape
+    if not count:
+        return np.zeros((0, 2, columns))
     space = at.part.form.space
     path = at.part.form.components["rx"]
     table = compat.tabulate(space, path, compat.edge_points())
 
     # θ×n along the reference directions at the points of the edges: n × J is θ·(n × J_d)
-    rotated_tangents = np.cross(n[:, None, :], np.swapaxes(at.J, 1, 2))  # (P, 2, 3)
-    covariant = np.einsum("qf,pfck,pdc->pdqk", table, rotations, rotated_tangents, optimize=True)
-    shear = np.einsum("pabq,pbqk->pak", compat.edge_interpolation(at.X), covariant, optimize=True)
-    to_axes = np.einsum("pac,pdc->pad", tangents, np.linalg.pinv(at.J))
-    return np.einsum("pad,pdk->pak", to_axes, shear)
+    turned = np.cross(n[:, None, :], np.swapaxes(at.J, 1, 2))  # (P, 2, 3)
+    to_axes = np.stack([e1, e2], axis=1) @ np.linalg.pinv(at.J).swapaxes(1, 2)
+    along_edges = to_axes[:, None] @ np.moveaxis(compat.edge_interpolation(at.X) @ table, 2, 1)
+    weights = np.einsum("pbaf,pbc->pafc", along_edges, turned)
+    weights = weights.reshape(count, 2, functions * components)
+    return np.asarray(weights @ rotations.reshape(count, functions * components, columns))
 
 
 def displacement(at: PointsInCells, place: Place) -> Array:
