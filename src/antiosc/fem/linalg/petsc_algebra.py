@@ -53,7 +53,7 @@ class CellProduct:
         return self.cells.product(x, self.k, self.m)
 
     def with_entries(self) -> PETSc.Mat:
-        """The assembled matrix; this object stores its diagonal."""
+        """The assembled matrix; its diagonal is stored for `diagonal`."""
         result = self.cells.entries(self.k, self.m)
         if self._diagonal is None:
             self._diagonal = np.array(result.getDiagonal().array_r)

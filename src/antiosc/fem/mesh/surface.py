@@ -588,7 +588,7 @@ class Faces(Entities):
 
     @cached_property
     def _unevenness(self) -> Array:
-        """Largest distance (F,) [m] of a node from its position in a parallelogram."""
+        """Distance (F,) [m] by which a face may differ from a plane parallelogram."""
         bulge = BULGE_FACTOR * self.geometry.bulge[self.cells]
         if self.simplex:
             return bulge

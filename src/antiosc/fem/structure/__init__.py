@@ -61,7 +61,7 @@ def checked_axis(name: str, value: object) -> tuple[float, ...]:
 
 
 def _checked_angle(name: str, value: object) -> float:
-    """`value` as an angle [rad]; InputError beyond one turn, as if it were in degrees."""
+    """`value` as an angle [rad]; InputError beyond one turn: degrees are probably meant."""
     angle = number(name, value, "rad")
     if abs(angle) > 2 * np.pi * (1 + 1e-9):
         raise InputError(
@@ -368,7 +368,7 @@ def _solver_unless_singular(comm: MPI.Comm, K: Matrix) -> Solver | None:
 
 
 def _rigid_energy_limit(K: Matrix) -> float:
-    """Limit of xᵀKx/xᵀDx, D = diag(K), of rigid motions x; lower if K x is Sᵀ(S x)."""
+    """Largest xᵀKx/xᵀDx, D = diag(K), of a rigid motion x; less if K x is computed from strains."""
     return RIGID_FORCE**2 if uses_strains(K) else RIGID_FORCE
 
 
