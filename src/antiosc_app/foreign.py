@@ -315,7 +315,8 @@ def _with_steel_constants(
             with warnings_to(messages.append):
                 return reader(**options), options, pieces
         except InputError as error:
-            reason = reason or error
+            if reason is None or isinstance(reason, MeshError) > isinstance(error, MeshError):
+                reason = error  # the content of the deck is sound with steel's constants
             pieces = pieces or getattr(error, "pieces", ())
     assert reason is not None
     raise reason

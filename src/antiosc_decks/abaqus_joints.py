@@ -90,7 +90,8 @@ def _faces(block: Block, side: str, place: DeckPlace) -> list[tuple[IntArray, In
     if block.shape not in ("triangle", "quad"):
         sides = SOLID_FACES.get(block.shape, ())
         number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
-        fault = f"{side!r} is no side of a {block.shape}; it must be S1 to S{len(sides)}."
+        remedy = f"it must be S1 to S{len(sides)}" if sides else "it has none"
+        fault = f"{side!r} is no side of a {block.shape}; {remedy}."
         place.require(1 <= number <= len(sides), fault)
         corners = sides[number - 1]
     edges = [frozenset(edge) for edge in EDGES[block.shape]]

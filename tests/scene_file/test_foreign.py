@@ -130,6 +130,18 @@ def test_constants_are_added_to_a_deck_that_is_refused_and_not_to_joints_that_ar
     assert len(calls) == attempts
 
 
+def test_a_deck_that_steel_makes_complete_is_refused_for_what_is_left():
+    def reader(**options):
+        raise (
+            ao.InputError("nothing can move")
+            if "density" in options
+            else ao.MeshError("no density")
+        )
+
+    with pytest.raises(ao.InputError, match="nothing can move"):
+        _with_steel_constants(reader, {}, [])
+
+
 @pytest.mark.slow
 def test_a_node_that_is_held_in_one_direction_is_not_struck(tmp_path):
     path = deck(tmp_path / "a.inp", "mm")
