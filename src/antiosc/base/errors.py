@@ -27,7 +27,7 @@ class UnmeshableError(MeshError):
 
 
 class PiecesError(MeshError):
-    """A mesh of several pieces that share no node; `pieces`: known pieces, the largest first."""
+    """A mesh of pieces that share no node; `pieces`: those known (`Piece`), the largest first."""
 
     pieces: Sequence[Any] = ()
 

@@ -19,13 +19,13 @@ class MaterialRecord:
     """A material of the table, in SI units; None or 0 if the sources give no value."""
 
     name: str
-    E: Any  # E, nu: of wood those of `orthotropic`, with G
+    E: Any  # E, nu: floats; of wood three values each, as G, in the order of `orthotropic`
     nu: Any
     rho: float
     yield_strength: float | None  # None for a material that does not yield (`brittle`)
     yield_range: tuple[float, float] | None  # lowest and highest of the sources
     brittle: bool
-    #: D and q of Cowper and Symonds, and the strength that grows if it is not the yield strength
+    #: D [1/s], q of Cowper and Symonds, and the strength that grows if it is not the yield strength
     rate: tuple[float, ...] | None
     loss: float  # loss factor
     source: str  # of the numbers: read, or from memory
@@ -33,7 +33,7 @@ class MaterialRecord:
     G: Any = None
     typical: str = ""  # numbers that no available source gives, with their range
     breaks: str = ""  # what is known on breaking, in words
-    tensile: tuple[float, float] | None = None  # least and largest, of a material that cracks
+    tensile: tuple[float, float] | None = None  # least and largest tensile strength, if it cracks
 
     @property
     def line(self) -> str:

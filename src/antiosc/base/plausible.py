@@ -38,7 +38,7 @@ RELATIVE_ROUNDING = 1e-9
 
 
 class Range(NamedTuple):
-    """Usual range of a quantity, and (factor, name) of units that may be meant."""
+    """Usual range of a quantity in `unit`, and (factor to it, name) of units that may be meant."""
 
     low: float
     high: float

@@ -93,8 +93,8 @@ class _Blas:
         self.controller = controller
         self.lock = Lock()
         self.users: Counter[int] = Counter()  # calls under way, by the Python thread
-        self.limit: Any = None
-        self.before = 1
+        self.limit: Any = None  # threadpoolctl's, while in use
+        self.before = 1  # number of threads before
 
     def pools(self) -> list[BlasPool]:
         """The data of threadpoolctl on each BLAS."""

@@ -179,14 +179,14 @@ def face_names(gmsh: ModuleType, scale: float) -> EntityNames:
 class Cylinder(NamedTuple):
     """A cylindrical face of a solid with empty space on its inside, as in a hole."""
 
-    face: tuple[int, int]
-    radius: float
-    #: a point on the axis, and its direction (3,)
+    face: tuple[int, int]  # (2, tag)
+    radius: float  # in gmsh's unit of length, as `middle`
+    #: a point (3,) on the axis, and the unit direction (3,) of the axis
     middle: Array
     axis: Array
     #: angle that it spans [rad]
     angle: float
-    edges: frozenset[int]
+    edges: frozenset[int]  # tags of the curves that bound it
 
     def continues(self, other: Cylinder) -> bool:
         """Whether both cylinders have a common edge, one axis and one radius: parts of one hole."""
@@ -343,9 +343,9 @@ SCALAR_VIEW_TYPES = {3: "ST", 4: "SS"}
 class SizeField:
     """Element sizes [m] at the corners of simplices, as lists that JSON can hold."""
 
-    points: list[list[float]]
-    cells: list[list[int]]
-    sizes: list[float]
+    points: list[list[float]]  # (n, 3) corners [m]
+    cells: list[list[int]]  # rows in `points` of the corners of each simplex
+    sizes: list[float]  # (n,) at `points`
 
     def expected(self) -> float:
         """Estimated number of cells of a mesh with these sizes."""

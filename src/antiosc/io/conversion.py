@@ -76,20 +76,21 @@ class Block:
 class Deck:
     """Nodes, elements (numbered through all blocks) and sets of a deck."""
 
-    name: str
+    name: str  # of its file
+    #: (n, 3) coordinates of the nodes, in the deck's unit of length
     points: Array = field(default_factory=lambda: np.zeros((0, 3)))
     blocks: list[Block] = field(default_factory=list)
     node_sets: dict[str, IntArray] = field(default_factory=dict)  # name -> rows of `points`
     element_sets: dict[str, IntArray] = field(default_factory=dict)  # name -> numbers of elements
     #: nodes fixed by supports: name of the group for them -> rows of `points`
     fixed: dict[str, IntArray] = field(default_factory=dict)
-    #: type of elements that are not cells of a mesh -> their number
+    #: type of elements that are not cells of a mesh -> their count
     skipped: Counter[str] = field(default_factory=Counter)
     #: warnings about the deck for the caller, one sentence each
     remarks: list[str] = field(default_factory=list)
     #: names of the parts (sets of elements) that a model is made of; None: of all elements
     wanted_parts: list[str] | None = None
-    pieces: list[Piece] = field(default_factory=list)  # these, if one of several is read
+    pieces: list[Piece] = field(default_factory=list)  # by rank, at most 40, if one of them is read
     #: rank in size of the only connected piece in the model, 1: the largest; None: all pieces
     piece: int | None = None
     without_supports: bool = False  # whether the supports are left out of a model
@@ -241,7 +242,7 @@ NO_CELLS = np.zeros(0, dtype=np.int64)
 
 
 class Division(NamedTuple):
-    """A deck as a mesh, its nodes, and (label, shape, blocks) of each kind of cells."""
+    """A deck as a mesh, its nodes, and (meshio's name, shape, blocks) of each kind of cells."""
 
     mesh: FileMesh
     nodes: NodeTable

@@ -105,7 +105,7 @@ def _edges_of_triangles(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, In
 class Surface:
     """A surface of triangles, in one or several connected pieces."""
 
-    points: Array
+    points: Array  # (n, 3) coordinates of the corners, in the file's unit
     triangles: IntArray  # (t, 3) corners, consistently oriented; closed pieces have outward normals
     piece: IntArray  # (t,) number of the piece of each triangle
     remarks: list[str]  # repairs that were made, one sentence each

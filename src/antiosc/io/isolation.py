@@ -210,8 +210,10 @@ class Request:
     name: str  # of the file, for messages
     size: float | None = None  # largest element size in m; geometry only
     order: int | None = None  # geometric order, 1 or 2
-    refine: Sequence[Refinement] = ()  # points with their element sizes, m; geometry only
-    grading: Sequence[float] = SIZE_GRADING  # of the sizes around these points
+    #: (point, element size there, m, and growth of sizes around it if given); geometry only
+    refine: Sequence[Refinement] = ()
+    #: usual growth of sizes per distance from these points, and from how many of their sizes on
+    grading: Sequence[float] = SIZE_GRADING
     #: element sizes all over the geometry, as arguments of a `SizeField`; geometry only
     sizes: Json | None = None
     #: least number of elements around a full turn of curved surfaces; geometry only

@@ -247,7 +247,7 @@ def read_matrix_market(source: MatrixFile) -> Entries:
 
 @dataclass(frozen=True)
 class MatrixPair:
-    """K and M, and labels (node, component) of their rows if the files give them."""
+    """K and M, and labels (n, 2), node and component, of their rows if the files give them."""
 
     K: scipy.sparse.csr_matrix
     M: scipy.sparse.csr_matrix
@@ -404,8 +404,8 @@ _NUMBER_OF_COMPONENT = {
 class DofMap:
     """(node, component) of each of the n rows of K and M, and the coordinates of its node."""
 
-    node: IntArray
-    #: 1 to 6 for x, y, z, rx, ry, rz along the axes of the coordinates; 0 or more than 6 for others
+    node: IntArray  # (n,) numbers of nodes in the other program
+    #: (n,) 1 to 6 for x, y, z, rx, ry, rz along the axes of `points`; 0 or more than 6 for others
     component: IntArray
     points: Array  # (n, 3) m; NaN where they are not known
 

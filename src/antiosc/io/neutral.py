@@ -100,12 +100,14 @@ MotionTerm = tuple[int, int, float]
 class Joints(TypedDict):
     """Constraints, springs, dampers and masses between nodes, on sums of `MotionTerm`; SI units."""
 
-    equations: list[list[MotionTerm]]  # sums that are zero, the dependent motion first
+    #: sums that are zero, the dependent motion first; each of terms (node, or -1 - k for
+    #: `points[k]`; motion, 0 to 5 for x, y, z, rx, ry, rz; coefficient)
+    equations: list[list[MotionTerm]]
     springs: list[tuple[list[MotionTerm], float]]  # N/m
     dampers: list[tuple[list[MotionTerm], float]]  # N s/m
     #: (motions, their mass matrix, kg, what it adds to the total mass, kg)
     masses: list[tuple[list[list[MotionTerm]], list[list[float]], float]]
-    points: list[list[float]]  # without element, m
+    points: list[list[float]]  # coordinates of the points of no element, m
     #: (node added in a face or a halved cell, [(node of the deck, weight in its position)])
     among: NotRequired[list[tuple[int, list[tuple[int, float]]]]]
 
@@ -115,14 +117,14 @@ class Model(TypedDict):
 
     #: (group of elements, class of antiosc, its arguments, the place in the deck)
     families: list[tuple[str, str, Json, str]]
-    supports: list[tuple[str, list[str]]]  # (group, motions)
-    fixed_points: list[tuple[int, list[str]]]  # (number of a point without element, motions)
+    supports: list[tuple[str, list[str]]]  # (group, fixed motions, "x" to "rz")
+    fixed_points: list[tuple[int, list[str]]]  # (-1 - k for point k of `joints`, fixed motions)
     masses: list[tuple[list[float], float, list[float]]]  # (place, kg, moments of inertia)
     springs: list[tuple[list[float], dict[str, float]]]  # (place, stiffness by components)
     joints: Joints
     ignored: list[str]  # sentences on what is left out
-    gdim: int
-    halve: bool  # whether each line is halved
+    gdim: int  # dimension of space, 2 or 3
+    halve: bool  # whether each line with a middle node is halved
     joined: bool  # whether the structure is an assembly
     mixed: bool  # whether its triangles stay apart from its quadrilaterals
     apart: list[int]  # nodes that are not merged with others at the same point
@@ -134,7 +136,7 @@ class Model(TypedDict):
 class CellKind:
     """A cell shape of one geometric order; the first `vertices` of its `nodes` are corners."""
 
-    shape: str
+    shape: str  # dolfinx's name
     dim: int
     order: int
     vertices: int
@@ -163,7 +165,7 @@ class Piece(NamedTuple):
     """A connected piece of a part: its name ("": none), lowest and highest corner of its box."""
 
     name: str
-    low: NDArray[np.float64]
+    low: NDArray[np.float64]  # (3,), in the unit of the nodes
     high: NDArray[np.float64]
 
     def scaled(self, factor: float) -> Piece:
@@ -175,8 +177,8 @@ class Piece(NamedTuple):
 class FileMesh:
     """Nodes, cells of all kinds and groups of a file; `selected_mesh` selects a mesh of them."""
 
-    points: NDArray[np.float64]  # (n, 3) node coordinates, m
-    cells: dict[str, IntArray]  # kind (a name of KINDS) -> (cells, nodes of one), vertices first
+    points: NDArray[np.float64]  # (n, 3) node coordinates, m; of a reader, in the file's unit
+    cells: dict[str, IntArray]  # kind (in CELL_KINDS) -> (cells, nodes of one), vertices first
     #: group name -> {kind: rows of `cells[kind]`}
     groups: dict[str, dict[str, IntArray]] = field(default_factory=dict)
     #: name of a set of nodes -> rows of `points`
@@ -200,7 +202,7 @@ class FileMesh:
 class RawMesh:
     """Nodes, cells of one kind, and groups; remarks, model, labels and pieces as in `FileMesh`."""
 
-    points: NDArray[np.float64]  # (n, 3) node coordinates
+    points: NDArray[np.float64]  # (n, 3) node coordinates, m
     #: (cells, nodes per cell), vertices first
     cells: IntArray
     kind: CellKind

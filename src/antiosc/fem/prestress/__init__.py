@@ -119,10 +119,10 @@ class Preload:
     """The static state of a structure under its prestress."""
 
     loads: Prestress
-    q: Array  # (rows of this rank,) displacements and rotations
-    #: load factor to buckling
+    q: Array  # (rows of this rank,) displacements and rotations under the loads
+    #: load factor to buckling; inf: above some 100
     reserve: float
-    #: name of a tension -> stress-free strain
+    #: group of `loads.tension` -> stress-free strain of its cells
     initial: Mapping[str, float]
     #: function of motions (rows of u, k): forces that the loads add to K u, also on supported dofs
     added: Callable[[Array], Array]

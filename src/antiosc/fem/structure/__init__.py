@@ -144,7 +144,7 @@ class DofPlaces:
     """Node, direction and kind of each of n dofs: of a mesh, a superelement or an assembly."""
 
     nodes: Array  # (N, 3) coordinates of the nodes [m]
-    node: IntArray  # (n,) number of the node of each dof
+    node: IntArray  # (n,) row in `nodes` of the node of each dof
     axes: Array  # (n, 3) unit direction of each dof; zero for amplitudes
     kind: IntArray  # (n,) AMPLITUDE, MOVE or TURN
 
@@ -232,9 +232,9 @@ class Dissipation:
     G: Matrix = None  # (j, rows of this rank) functionals; None: `matrix` stands for Gᵀ c G
     c: Array | None = None  # (j, j) [N s/m], or of a branch [N/m]
     tau: float | None = None  # relaxation time [s] of a branch; None: dashpots
-    matrix: Matrix | None = None  # of all dofs, times `factor`
-    factor: float = 1.0
-    #: of a relaxing material: (part, number of the material there or group of the stiffener)
+    matrix: Matrix | None = None  # of all dofs; `factor` times it is the term
+    factor: float = 1.0  # of a relaxing material: share of its stiffness `matrix` that relaxes
+    #: of a relaxing material: (part, index of the material in its `parts` or stiffener's group)
     owner: tuple[str, int | str] | None = None
 
     def projected(self, comm: MPI.Comm, V: Array) -> Array:
@@ -447,14 +447,15 @@ class StructureMatrices:
     #: fixed dofs keep their rows: 1 on K's diagonal, 0 in M
     K: Matrix
     M: Matrix
-    fixed: IntArray  # dofs of this rank that the supports hold; of a mesh, ghosts included
+    #: local numbers of the dofs that the supports hold; of a mesh, ghosts included
+    fixed: IntArray
     #: M-orthonormal rigid-body modes that the supports leave (rows of this rank, r)
     rigid_modes: Array
     #: first estimate of the shift s of K + sM, rad²/s²; 0 without rigid-body modes
     first_shift: float
-    solver: SolverChoice = "auto"
-    C: Matrix | None = field(default=None, kw_only=True)  # damping, of given matrices
-    #: the static state in which K is taken
+    solver: SolverChoice = "auto"  # for K + sM
+    C: Matrix | None = field(default=None, kw_only=True)  # damping [N s/m], of given matrices
+    #: the static state at which K is the tangent stiffness; None: no prestress
     preload: Preload | None = field(default=None, kw_only=True)
     #: a solver of this K, if one exists already
     solver_of_K: Solver | None = field(default=None, kw_only=True)

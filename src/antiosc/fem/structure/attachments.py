@@ -185,18 +185,18 @@ def attachments_of(attached: object) -> list[Attachment]:
 class ElasticTerm:
     """Stiffness k, damping c and mass m on functionals G: Gᵀ k G is a term of K, Gᵀ m G of M."""
 
-    G: Sparse  # (j, n) functionals of u
+    G: Sparse  # (j, n) functionals of u, the n dofs of this rank
     #: k, m: (j, j) stiffness and mass for the j functionals
     k: Array
     m: Array
-    mass: float = 0.0  # kg
+    mass: float = 0.0  # what it adds to the total mass [kg]
     c: Array | None = None  # (j, j) damping
     #: (j, r) orthonormal values of the functionals in strain-free motions; None: not known
     rigid: Array | None = None
     #: stiffnesses (j, j) and relaxation times [s] of Maxwell branches
     branches: Sequence[tuple[Array, float]] = ()
     name: str = ""  # of the joint or attachment
-    components: Sequence[str] = ()  # of an attachment, one for each functional
+    components: Sequence[str] = ()  # of an attachment, "x" to "rz", one for each functional
 
     @property
     def strains(self) -> Array:
@@ -333,12 +333,13 @@ class Stiffener:
     form: WeakForm
     #: the beam and its cells of this rank, ghosts included
     parts: Parts
+    #: K, M: stiffness and mass on the dofs of the beams
     K: PETSc.Mat
     M: PETSc.Mat
     #: T of beam dofs = T · sheet dofs
     sheet_to_beams: PETSc.Mat
-    mass: float  # kg
-    #: M e for unit accelerations e along x, y, z (rows of the sheet on this rank, 3)
+    mass: float  # of the beams [kg]
+    #: Tᵀ M e for unit accelerations e along x, y, z (rows of the sheet on this rank, 3)
     inertia: Array
 
     def rows_of(self, columns: Array) -> Array:

@@ -89,7 +89,7 @@ class Member:
     name: str  # of the part in the assembly
     part: MeshedStructure  # the structure
     at: Placement  # its placement
-    first: int  # number of its first dof in u
+    first: int  # index of its first dof in u, the dofs of all parts on this rank
 
     @property
     def size(self) -> int:
@@ -235,8 +235,8 @@ class MeshedStructure(PartsMatrices):
     _: KW_ONLY
     mesh: Mesh
     form: WeakForm  # that was assembled on it
-    parts: Parts  # (material, cells of this rank)
-    total_mass: float  # kg
+    parts: Parts  # (material, its cells of this rank, ghosts included), …
+    total_mass: float  # with attachments and stiffeners [kg]
     #: M e for unit accelerations e along x, y, z, of the attachments alone (rows of this rank, 3)
     attached_inertia: Array
     #: function that assembles the same part on another mesh or with other supports
@@ -246,14 +246,14 @@ class MeshedStructure(PartsMatrices):
     stiffeners: Mapping[str, Stiffener] = field(default_factory=dict)
     #: sentences that say why its size or its materials are implausible
     doubts: tuple[str, ...] = ()
-    #: least of a sheet, mean of a thin solid [m]; None: others, or supports lie on a line
+    #: least of a sheet, mean of a thin solid [m]; None: other parts, or supports on one line
     thickness: float | None = None
     dampers: Sequence[Dissipation] = ()  # of its attachments
-    #: fixed dofs by path of their component, for the assembly of forms
+    #: `fixed` by component (its path of sub-space numbers in `form.space`), for assembly of forms
     conditions: Mapping[tuple[int, ...], IntArray] = field(default_factory=dict)
     #: the same part without its prestress
     unloaded: MeshedStructure | None = None
-    #: stress-free strains (n,) of the cells, for second-order strains; None: linear strains
+    #: stress-free strains (cells of this rank, with ghosts), for second-order strains; None: linear
     initial: Array | None = None
 
     @property

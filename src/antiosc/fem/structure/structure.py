@@ -267,7 +267,7 @@ def _penalised_dofs(K: Matrix, diagonal: Array) -> IntArray:
 class Options(TypedDict):
     """Arguments of a `Structure` of a mesh other than its material and its supports."""
 
-    order: int
+    order: int  # degree of the displacements, 1 or 2
     attached: Sequence[Attachment]
     solver: SolverChoice
     prestress: Prestress | None
@@ -333,17 +333,17 @@ class Structure(ReprMixin):
     # of the matrices, by `__getattr__`; their docstrings stand there
     mass: float
     dimensions: Box
-    rigid_inertia: tuple[Inertia, Array] | None
+    rigid_inertia: tuple[Inertia, Array] | None  # (inertia, M r for rigid motions r (rows, 6))
 
     seconds: dict[str, float]
     supports: tuple[Support, ...] = ()
     #: mesh, material and options of a structure of one mesh
     made_of: tuple[Mesh, Family | Mapping[str, Family], Options] | None = None
-    #: (the solver of K + shift·M, shift) once it is made
+    #: (the solver of K + shift·M, shift [rad²/s²]) once it is made
     _factored: tuple[Solver, float] | None = None
-    #: (solver, shift) of the last expansion point
+    #: (solver, shift) of the last expansion point, a shift that `factorize_at` was given
     _expanded: tuple[Solver, float] | None = None
-    _prestressed: antiosc.PrestressedState | None = None
+    _prestressed: antiosc.PrestressedState | None = None  # of `prestress`, once it is made
 
     @collective()
     def __init__(
