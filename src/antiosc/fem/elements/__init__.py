@@ -46,13 +46,13 @@ def _circle_outline(d: float) -> list[tuple[float, float]]:
 class Section(Checked):
     """A cross-section in its principal axes y (the "height") and z, SI units.
 
-    `I` is the second moment of area for bending in the plane of the height (sufficient for a plane
-    frame), `I_side` for bending in the other plane (default: `I`), `J` Saint-Venant's torsion
-    constant (default: the polar moment `I + I_side`, correct for circular sections only), `shear`
-    Timoshenko's shear coefficient κ along the height and `shear_side` that across it (default:
-    `shear`). `outline` has points (y, z) [m] on the edge of the section, y along the height and z
-    across it. `peak_field` evaluates the stresses at these points; `rectangle`, `circle` and `tube`
-    set them.
+    `A` is the area, `I` the second moment of area for bending in the plane of the height
+    (sufficient for a plane frame), `I_side` that for bending in the other plane (default: `I`), `J`
+    Saint-Venant's torsion constant (default: the polar moment `I + I_side`, correct for circular
+    sections only), `shear` Timoshenko's shear coefficient κ along the height and `shear_side` that
+    across it (default: `shear`). `outline` has points (y, z) [m] on the edge of the section, y
+    along the height and z across it. `peak_field` evaluates the stresses at these points;
+    `rectangle`, `circle` and `tube` set them.
     """
 
     A: float = field(metadata=checked_by(positive, "m²"))
@@ -216,8 +216,8 @@ class Layer(Checked):
     def contraction(self) -> Array:
         """Matrix (1, 3): strain ε3 across the layer from (ε1, ε2, γ12), in plane stress.
 
-        Across the fibres the layer is assumed isotropic, with Poisson's ratio nu12 along them and
-        ν23 = E2/(2 G23) − 1, at most 0.5.
+        The axes 1, 2 are the laminate's. The layer is assumed isotropic across its fibres: ν13 =
+        nu12, and ν23 = E2/(2 G23) − 1, at most 0.5.
         """
         nu23 = min(self.E2 / (2 * self.G23) - 1, 0.5)
         s3 = np.array([-self.nu12 / self.E1, -nu23 / self.E2])
@@ -244,11 +244,11 @@ def _cosine_sine(degrees: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class PlateSection:
-    """Stiffness and mass of a shell, per area of its reference surface."""
+    """Stiffness and mass of a shell, per area of its reference surface z = 0 (that of the mesh)."""
 
-    #: m
+    #: of the sheet, m
     thickness: float
-    #: in-plane (3, 3), N/m; coupling (3, 3), N; bending (3, 3), N m
+    #: in the axes 1, 2 of the sheet: in-plane (3, 3), N/m; coupling (3, 3), N; bending (3, 3), N m
     A: Array
     B: Array
     D: Array
@@ -260,7 +260,7 @@ class PlateSection:
     I0: float
     I1: float
     I2: float
-    #: z of the middle of the section, m
+    #: z of the middle of the section, m; z points to the top
     middle: float = 0.0
 
     @property
@@ -317,7 +317,10 @@ def _mean_shear_stiffness(stiffness: Array) -> float:
 
 @within_range
 def section_of_layers(layers: Sequence[Layer]) -> PlateSection:
-    """The section of layers from the bottom to the top; z = 0 is in the middle."""
+    """The section of layers from the bottom to the top; z = 0 is in the middle.
+
+    InputError unless `layers` is a sequence of one `Layer` or more.
+    """
     is_list = isinstance(layers, Sequence) and len(layers) > 0
     if not is_list or not all(isinstance(ply, Layer) for ply in layers):
         raise InputError(f"layers lists one Layer or more, bottom first; got {shown(layers)}.")
@@ -345,7 +348,10 @@ def section_of_layers(layers: Sequence[Layer]) -> PlateSection:
 def _transverse_shear(
     layers: Sequence[Layer], z: Array, Q: Array, A: Array, B: Array, D: Array
 ) -> Array:
-    """Transverse shear stiffness S (2, 2) [N/m], by the energy of equilibrium shear stresses."""
+    """Transverse shear stiffness S (2, 2) [N/m], by the energy of equilibrium shear stresses.
+
+    `z`, `Q`: heights and Q̄ as from `_layer_integrals`; `A`, `B`, `D`: as of a `PlateSection`.
+    """
     shear_at = _equilibrium(z, Q, A, B, D)
 
     # f is quadratic in z within a layer, its energy of degree four: three Gauss points
@@ -377,7 +383,10 @@ def _layer_integrals(layers: Sequence[Layer]) -> tuple[Array, Array, Array]:
 
 
 def _equilibrium(z: Array, Q: Array, A: Array, B: Array, D: Array) -> Callable[[int, float], Array]:
-    """Function (layer, height) -> f (2, 2): shear stresses for unit shear forces."""
+    """Function (layer, height [m]) -> f (2, 2) [1/m]: (τ13, τ23) = f (Q1, Q2), by equilibrium.
+
+    `z`, `Q`: heights and Q̄ as from `_layer_integrals`; `A`, `B`, `D`: as of a `PlateSection`.
+    """
     coupling = -np.linalg.solve(A, B)
     d = np.linalg.inv(D + B @ coupling)
     b = coupling @ d

@@ -82,7 +82,8 @@ class Beam(Isotropic):
             raise InputError(f"offset = {self.offset:g} m needs an orientation, as (0, 0, 1).")
 
     def shear_stiffness(self, plane: int, size: float) -> float:
-        """G κ A [N] along the height (plane 0) or across it (1); a penalty ∝ EI/size² if rigid."""
+        """G κ A [N] along the height (`plane` 0) or across it (1); `SHEAR_PENALTY` × EI/size² of a
+        beam that is rigid in shear, where `size` [m] is the extent of the mesh."""
         I, shear = self.section.planes[plane]  # noqa: E741
         if self.shear:
             return self.G * self.section.A * shear
@@ -185,7 +186,7 @@ def line_weak_form(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False)
 
 
 class BeamAxes(NamedTuple):
-    """Unit vectors (UFL): the tangent, the height y, and z = t × y."""
+    """Unit vectors (3,) (UFL): the tangent t, the height y, and z = t × y."""
 
     t: Expr
     y: Expr
@@ -225,7 +226,11 @@ def _height_coefficient(mesh: Mesh, parts: Parts) -> Expr:
 
 
 def height_directions(beam: Beam, axis: Array, middle: Array) -> Array:
-    """Unit orientation vectors (n, 3); their components across `axis` are the heights."""
+    """Unit orientation vectors (n, 3) of n cells; their components across `axis` are the heights.
+
+    `axis` (n, 3): unit vectors along the cells; `middle` (n, 3): midpoints [m]. InputError if an
+    orientation is missing or parallel to an axis.
+    """
     if beam.orientation is None:
         if not beam.section.isotropic:
             raise InputError(
@@ -271,7 +276,8 @@ class Truss(Isotropic):
     area: float = field(metadata=checked_by(positive, "m²"))
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-        """Axial strain energy of the bars; half of a bar's mass is at each of its ends."""
+        """Axial strain energy of the bars; half of a bar's mass is at each of its ends. `order` has
+        no effect; InputError for a mesh that is not of straight lines."""
         if mesh.tdim != 1:
             raise InputError(
                 f"Truss needs a mesh of lines; {mesh.name} has {mesh.cell} cells (use Solid)."

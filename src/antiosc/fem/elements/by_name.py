@@ -40,7 +40,7 @@ def material(
         A name of the list `antiosc materials`, or a text that only one of them contains: "6061".
     E, nu, rho, yield_strength, yield_range : optional
         Values instead of the table's: Pa, 1, kg/m³, Pa, (Pa, Pa). A yield strength without a range
-        is taken as exact.
+        is taken as exact, and its material as one that yields (not `brittle`).
     loss : float or bool
         Loss factor, which damps the modes of the part; True: the table's value. Default: none.
     thickness : float, optional
@@ -59,7 +59,8 @@ def material(
     Raises
     ------
     InputError
-        An unknown name (the message lists all names); further arguments for wood.
+        An unknown name (the message lists all names); of wood: a value, a thickness or a
+        section.
     """
     record = materials.record(name)
     constants_given = {

@@ -61,7 +61,10 @@ def sheet_eta(frame: Frame, a: Expr, b: Expr) -> Expr:
 
 
 class SecondOrderStrain(NamedTuple):
-    """UFL functions ε, η and internal forces N(strain) of a family with strain ε(u) + η(u, u)/2."""
+    """UFL functions ε, η and internal forces N(strain) of a family with strain ε(u) + η(u, u)/2.
+
+    Strains are tensors of isotropic solids, vectors of other solids and sheets, scalars of lines.
+    """
 
     strain: Callable[[Expr], Expr]
     eta: Callable[[Expr, Expr], Expr]
@@ -186,7 +189,10 @@ SHARE_DEGREE = 6
 def relative_stiffening(part: MeshedStructure, shape: Array, stiffness: float) -> float:
     """Relative change [1/m] of a sheet's secant stiffness per metre of deflection, < 0 if it
     softens. With k = `stiffness` and g = ∫ N : η, q × `shape` has the energy k q²/2 + g q³/2 and
-    the force k q (1 + 3 g q/(2 k))."""
+    the force k q (1 + 3 g q/(2 k)).
+
+    `shape` (dofs that this rank owns,); `stiffness`: that of `shape` [N/m].
+    """
     if is_flat(part) and part.preload is None:
         return 0.0
     points = _points_by_rule(part, SHARE_DEGREE)
@@ -198,7 +204,7 @@ def relative_stiffening(part: MeshedStructure, shape: Array, stiffness: float) -
 
 
 def _with_ghosts(part: MeshedStructure, motion: Array) -> Array:
-    """The motion (dofs of this rank,) followed by the values of the ghosts."""
+    """The motion (dofs that this rank owns,) followed by the values of the ghosts."""
     return compat.with_ghosts(part.form.space, motion[:, None])[:, 0]
 
 
@@ -229,19 +235,20 @@ PLANE_PAIRS = ((0, 0), (1, 1), (0, 1))
 
 @dataclass(eq=False)
 class PartPoints:
-    """Strain operators at the n Gauss points of a part."""
+    """Strain operators at the n Gauss points of the cells that this rank owns; its dofs and nodes
+    include ghosts. Of d, b and s see above: directions, components of a node, strains."""
 
     gradient: scipy.sparse.csr_matrix  # (n d, nodes) derivatives of functions on the nodes
-    weight: Array  # (n,)
+    weight: Array  # (n,) quadrature weight times size of the cell [m, m² or m³]
     strain: Array  # T (n, s, d, b), or (1, s, d, b) where all points have one
     square: Array  # V (s, d d), symmetric: η from the products of derivatives
-    stiffness: Array  # C (n, s, s)
+    stiffness: Array  # C (n, s, s): internal force per strain
     components: int  # number b of components of a node; the first `moved` of them are displacements
     moved: int
-    held: IntArray  # dofs that are fixed
+    held: IntArray  # local numbers of the fixed dofs
     #: derivatives (n, d, b) of the reference state; the linear strain is ε + η(base, ·)
     base: Array | None = None
-    _turned: scipy.sparse.csr_matrix = field(init=False)
+    _turned: scipy.sparse.csr_matrix = field(init=False)  # transpose of `gradient`
 
     def __post_init__(self) -> None:
         self._turned = self.gradient.T.tocsr()
@@ -300,20 +307,21 @@ class _FamilyAtPoints(NamedTuple):
     """Strain operators of an element family at n points."""
 
     along: Array  # (n, d, 3) directions of the derivatives
-    strain: Array  # T
-    pairs: Sequence[tuple[int, int]]  # directions of each component of η
+    strain: Array  # T, as of `PartPoints`
+    pairs: Sequence[tuple[int, int]]  # the two directions of each of the s components of η
     stiffness: Callable[[Material], ArrayLike]  # C (s, s) of a material
 
 
 def points_of(part: MeshedStructure) -> PartPoints:
-    """The Gauss points of a part; InputError for a family without second-order strain."""
+    """The Gauss points of a part; InputError for a sheet with stiffeners, beams with an offset, and
+    families that stretching does not take (`Truss`)."""
     if part.stiffeners:
         raise InputError("stretch does not take a sheet with stiffeners on its edges.")
     return _points_by_rule(part, RULE_DEGREES.get(part.mesh.cell, GAUSS_DEGREE))
 
 
 def _points_by_rule(part: MeshedStructure, degree: int) -> PartPoints:
-    """The points of the quadrature of this degree in the cells of this rank."""
+    """The points of the quadrature of this degree in the cells that this rank owns."""
     mesh, space = part.mesh, part.form.space
     X, weights = compat.quadrature(mesh.cell, degree)
     count = compat.cell_index_map(mesh.dolfinx).size_local
@@ -358,7 +366,10 @@ def _points_by_rule(part: MeshedStructure, degree: int) -> PartPoints:
 
 
 def _sheet_operators(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoints:
-    """Operators of sheets, with derivatives along the frame of `frames`; `J`: Jacobians."""
+    """Operators of sheets, with derivatives along the frame of `frames`.
+
+    `cells` (n,): cell of each point; `J` (n, 3, 2): Jacobians at the points.
+    """
     axis, side = part.axes_and_sides
     n = np.cross(J[:, :, 0], J[:, :, 1])
     n *= (side[cells] / np.linalg.norm(n, axis=1))[:, None]
@@ -386,7 +397,7 @@ def _sheet_operators(part: MeshedStructure, cells: IntArray, J: Array) -> _Famil
 
 
 def _solid_operators(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoints:
-    """Operators of solids, with derivatives along x, y, z; `J`: Jacobians of the points."""
+    """Operators of solids, with derivatives along x, y, z; `cells` (n,): cell of each point."""
     d = part.mesh.gdim
     pairs = VOIGT_PAIRS if d == 3 else PLANE_PAIRS
     strain = np.zeros((1, len(pairs), d, d))
@@ -397,7 +408,10 @@ def _solid_operators(part: MeshedStructure, cells: IntArray, J: Array) -> _Famil
 
 
 def _beam_operators(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoints:
-    """Operators of beams without offset, with derivatives along the axis; `J`: Jacobians."""
+    """Operators of beams, with derivatives along the axis; InputError for beams with an offset.
+
+    `cells` (n,): cell of each point; `J` (n, 3, 1): Jacobians at the points.
+    """
     if any(beam.offset for beam, _ in part.parts):
         raise InputError("stretch does not take beams with an offset.")
     t = J[:, :, 0] / np.linalg.norm(J[:, :, 0], axis=1)[:, None]

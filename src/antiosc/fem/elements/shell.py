@@ -50,23 +50,23 @@ if TYPE_CHECKING:
 
 
 class SectionFields(NamedTuple):
-    """Cell-wise constants of the sheets (UFL)."""
+    """Constants of each cell's `PlateSection`, by the same names (UFL)."""
 
     A: Expr
-    #: D − B A⁻¹ B
+    #: D − B A⁻¹ B (3, 3), N m
     bending: Expr
     S: Expr
     drilling: Expr
-    #: A⁻¹ B; None if no stack couples stretching with bending
+    #: A⁻¹ B (3, 3), m; None if no stack couples stretching with bending
     coupling: Expr
     I0: Expr
     #: None if every stack has its centre of mass at z = 0
     I1: Expr
     I2: Expr
     spin: Expr
-    #: z of the middle of the section; None if it is 0 everywhere
+    #: z of the middle of the section, m; None if it is 0 everywhere
     middle: Expr
-    #: t² of the equivalent isotropic plate (`PlateSection`)
+    #: t² of the equivalent isotropic plate, m²
     t2_of_shear: Expr
     t2_of_stretch: Expr
 
@@ -96,12 +96,12 @@ def section_fields(mesh: Mesh, parts: Parts) -> SectionFields:
 
 
 class Frame(NamedTuple):
-    """Orthonormal tangents e1, e2 and normal n (3,), and derivatives along e1, e2."""
+    """Orthonormal tangents e1, e2 and normal n, each (3,) (UFL)."""
 
     e1: Expr
     e2: Expr
     n: Expr
-    #: (2, gdim): e1 and e2 in the coordinates of the mesh
+    #: (2, gdim): e1 and e2 as rows, for derivatives along them
     along: Expr
 
 
@@ -110,10 +110,11 @@ class SurfaceStrains(NamedTuple):
 
     #: (ε1, ε2, γ12)
     membrane: Expr
-    #: (κ1, κ2, 2κ12)
+    #: (κ1, κ2, 2κ12), 1/m
     bending: Expr
     #: (γ13, γ23)
     shear: Expr
+    #: in-plane rotation of the surface less θ·n, the rotation about the normal
     drilling: Expr
 
 
@@ -140,7 +141,8 @@ def tangential_slopes(frame: Frame, vector: Expr) -> tuple[Expr, Expr]:
 
 
 def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> SurfaceStrains:
-    """Strains of a trial or test function; `middle`: z of the section's middle, None for 0."""
+    """Strains at z = 0 of a motion `w` of six components; `middle`: z [m] of the section's middle,
+    about which the drilling strain is taken; None for 0."""
     e1 = frame.e1
     e2 = frame.e2
     n = frame.n
@@ -206,7 +208,7 @@ def inertia(section: SectionFields, frame: Frame, w: Expr, v: Expr) -> Expr:
 
 
 def areas_of(mesh: Mesh) -> Expr:
-    """Area of every cell, calculated from its corners, as a cell-wise function."""
+    """Area [m²] of every cell, calculated from its corners, as a cell-wise function."""
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
     first = x[:, 1] - x[:, 0]
     second = x[:, 2] - x[:, 0]
@@ -253,7 +255,11 @@ QUADRATIC_POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # those of 
 
 def dropped_shear(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
     """The part (1 − R)(θ×n) along two tangents (UFL) that the shear strain omits. R projects cubics
-    to quadratics with the same moments along edges; n is taken as constant."""
+    to quadratics with the same moments along edges; n is taken as constant.
+
+    `X`: reference coordinates (2,); `motion`: test or trial function of six components; `along`
+    (2, gdim): the tangents, as in `Frame`.
+    """
     inverse = ufl.JacobianInverse(mesh.dolfinx)
     axes = jacobian_columns(mesh)
     third = compat.reference_derivatives(motion, 3)
@@ -326,7 +332,10 @@ class Sheet(Checked):
         raise NotImplementedError
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-        """Strain and kinetic energy of the shell; cubic triangles, quadratic quadrilaterals."""
+        """Strain and kinetic energy of the shell; cubic triangles, quadratic quadrilaterals.
+
+        InputError unless the mesh is one of faces and `order` is 2.
+        """
         if mesh.tdim != 2:
             raise InputError(
                 f"{type(self).__name__} needs a mesh of triangles or quadrilaterals; {mesh.name} "
@@ -512,16 +521,17 @@ class GivenSheet(Sheet):
     mass, inertia : float
         Mass per area, kg/m², and rotary inertia per area, kg.
     thickness : float
-        Thickness, m; the given stiffness and mass do not depend on it.
+        Thickness, m, for patch radii and dimensions; the given stiffness and mass do not depend on
+        it.
     axis, top, offset
         As for `Laminate`.
     B : array_like (3, 3)
-        Coupling stiffness, N: forces = B × curvatures, moments = B × strains.
+        Coupling stiffness, N: forces = B × curvatures, moments = B × strains; default 0.
 
     Raises
     ------
     InputError
-        Stiffnesses that are not symmetric and positive definite.
+        A, D or S that is not symmetric and positive definite; B is not checked for this.
     """
 
     A: ArrayLike = field(metadata=checked_by(_definite_matrix, 3))

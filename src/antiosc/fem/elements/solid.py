@@ -76,7 +76,10 @@ class Solid(Isotropic):
         return C
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-        """Weak form with displacements of degree `order`, at least the geometric order."""
+        """Weak form with displacements of degree `order`.
+
+        InputError if `order` is below the geometric order, or cells, space and `plane` do not fit.
+        """
         _check_cells(mesh, order)
         return weak_form_of(mesh, parts, order)
 
@@ -109,7 +112,7 @@ def depth_of(mesh: Mesh, parts: Parts) -> Expr:
 
 
 def isotropic_stress(mesh: Mesh, parts: Parts) -> Callable[[Expr], Expr]:
-    """Function that gives the stress of isotropic solids for a strain (UFL)."""
+    """Function from a strain tensor (gdim, gdim) of isotropic solids to the stress [Pa] (UFL)."""
     lame = coefficient(mesh, parts, _first_lame)
     shear = coefficient(mesh, parts, lambda s: s.E / (2 * (1 + s.nu)))
 
@@ -120,7 +123,7 @@ def isotropic_stress(mesh: Mesh, parts: Parts) -> Callable[[Expr], Expr]:
 
 
 def _check_cells(mesh: Mesh, order: int) -> None:
-    """Raise InputError unless cells have the dimension of space, and at most this order."""
+    """InputError unless cells have the dimension of space and a geometric order <= `order`."""
     if mesh.tdim != mesh.gdim:
         raise InputError(
             f"Solid needs cells of the dimension of the space; {mesh.name} has {mesh.cell} "
@@ -134,7 +137,10 @@ def _check_cells(mesh: Mesh, order: int) -> None:
 
 
 def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-    """Weak form of isotropic and anisotropic solids, also mixed."""
+    """Weak form of isotropic and anisotropic solids, also mixed.
+
+    InputError for an AnisotropicSolid in 2-D, and a `plane` that does not fit the dimension.
+    """
     directed = any(isinstance(material, AnisotropicSolid) for material, _ in parts)
     if directed and mesh.gdim != 3:
         raise InputError(f"AnisotropicSolid is for 3-D meshes; {mesh.name} is 2-D.")
@@ -252,7 +258,8 @@ class AnisotropicSolid(FieldsRepr):
     Raises
     ------
     InputError
-        A matrix that is not symmetric or not positive definite, axes that are not perpendicular.
+        A matrix that is not symmetric or not positive definite, axes that are not perpendicular or
+        not right-handed.
     """
 
     kind: ClassVar[Kind] = Kind("solid", outside=True, point_load=False)
@@ -288,7 +295,7 @@ class AnisotropicSolid(FieldsRepr):
         """A solid with three perpendicular planes of symmetry.
 
         E : (E1, E2, E3) in Pa; nu : (nu12, nu13, nu23), where nu12 is the contraction along 2 under
-        stress along 1; G : (G12, G13, G23) in Pa.
+        stress along 1; G : (G12, G13, G23) in Pa. InputError if the strain energy is not positive.
         """
         moduli, ratios, shear = (
             floats(name, value, (3,)) for name, value in (("E", E), ("nu", nu), ("G", G))
@@ -351,7 +358,7 @@ class AnisotropicSolid(FieldsRepr):
 
 
 def _checked_axes(axes: ArrayLike | None) -> Array:
-    """The material axes as orthonormal rows."""
+    """The material axes as orthonormal rows (3, 3); InputError unless they are right-handed."""
     if axes is None:
         return np.eye(3)
     rows = floats("axes", axes, (None, 3))

@@ -42,14 +42,17 @@ SIMD_LANES, POINT_DATA_SIZE = 8, 11
 #: iterations as with the weak form's, and a product 48 ns a cell in place of 120. As straight cells
 #: they take 30, 17, 16 iterations for 21, 14, 14 (a third, a sixth and an eighth of all curved).
 SMOOTHING_DEGREE = 2
-#: For each node of a cell in dolfinx's order: the corner, or the two corners it lies between.
+#: For each node of a cell in dolfinx's order: its corner, or the two corners that it lies between.
 NODE_CORNERS = ((0,), (1,), (2,), (3,), (2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))
 #: A quadrature rule: shape functions (points, 10), their gradients (points, 10, 3), weights.
 QuadratureRule = tuple[Array, Array, Array]
 
 
 class Cells(ABC):
-    """Cells of one kind with `nodes` (n, 10) of this rank, and products by a C kernel."""
+    """Cells of one kind on this rank, and products by a C kernel.
+
+    `nodes` (n, 10), of linear elements (n, 4): local numbers of the cells' nodes.
+    """
 
     #: names of C functions without their precision: for any u, and for u linear in each cell
     function: str
@@ -74,7 +77,8 @@ class Cells(ABC):
         """The arrays that the argument of the C kernel points to, in double precision."""
 
     def add(self, k: float, m: float, u: Array, out: Array, linear: bool = False) -> None:
-        """Add (k K + m M) u to `out`, ghosts included; `linear`: u is linear in each cell."""
+        """Add (k K + m M) u to `out`, both made by `Tetrahedra.vector`, with ghosts; `linear`: u is
+        linear in each cell."""
         if u.dtype not in self._arguments:
             arrays = [array.astype(u.dtype, copy=False) for array in self._arrays]
             addresses = [library.address(array) for array in arrays]
@@ -88,7 +92,10 @@ class Cells(ABC):
 
 
 class StraightCells(Cells):
-    """Straight cells with nodes `x` (n, 4 or 10, 3) [m], `constants` (n, 3): λ, μ [Pa], ρ."""
+    """Straight cells with nodes `x` (n, 4 or 10, 3) [m].
+
+    `constants` (n, 3): λ, μ [Pa], ρ [kg/m³].
+    """
 
     function, function_of_linear = "afe_tetra_product", "afe_tetra_of_linear"
 
@@ -206,8 +213,8 @@ def _diagonal_blocks(lame: Array, shear: Array, inertia: Array) -> Array:
 
 
 def _mean_gradient_products(slopes: Array, ends: Sequence[int]) -> Array:
-    """Mean (n, 3, 3) of grad N ⊗ grad N for the node at or between corners `ends`;
-    `slopes` (n, 4, 3): barycentric coordinates' gradients."""
+    """Mean over the cell (n, 3, 3) of grad N ⊗ grad N, N the quadratic shape function of the node
+    at or between the corners `ends`; `slopes` (n, 4, 3): barycentric coordinates' gradients."""
     g = slopes[:, ends[0]]
     if len(ends) == 1:
         return np.asarray(0.6 * g[:, :, None] * g[:, None])
@@ -220,7 +227,7 @@ def _mean_gradient_products(slopes: Array, ends: Sequence[int]) -> Array:
 
 
 def padded_lanes(values: Array) -> Array:
-    """Values of cells (n, k) padded with zeros, as (groups, k, lanes) for SIMD."""
+    """Values of cells (n, k) padded with zeros, as (groups, k, `SIMD_LANES`)."""
     groups = -(-len(values) // SIMD_LANES)
     full = np.zeros((groups * SIMD_LANES, values.shape[1]), values.dtype)
     full[: len(values)] = values
@@ -285,9 +292,10 @@ class Tetrahedra:
         self._conditions = conditions
         self.comm = mesh.comm
         self._exchange = compat.Exchange(form.space)
+        #: number of dofs that this rank owns
         self.rows = compat.local_size(form.space)
 
-        #: dofs of this rank, ghosts included
+        #: number of dofs of this rank, ghosts included
         self._dofs = self.rows + 3 * form.space.dofmap.index_map.num_ghosts
         self._fixed = np.unique(np.concatenate([NO_DOFS, *conditions.values()]))
         self._held = self._fixed[self._fixed < self.rows]
@@ -373,7 +381,10 @@ class Tetrahedra:
         return result
 
     def coarse(self, P: PETSc.Mat, fixed: IntArray) -> Tetrahedra:
-        """`Tetrahedra` of linear elements with `fixed` dofs; attached matrices A become PᵀAP."""
+        """`Tetrahedra` of linear elements on the same cells; attached matrices A become PᵀAP.
+
+        `P` interpolates from the linear elements; `fixed`: local numbers of their fixed dofs.
+        """
         result = Tetrahedra(self._mesh, self.linear, self._parts, {})
         result._held = fixed
         result.added = tuple(matrix.ptap(P) if self.carries else matrix for matrix in self.added)
@@ -421,7 +432,7 @@ class Tetrahedra:
 
 
 def _cells_by_kind(mesh: Mesh, form: WeakForm, parts: Parts) -> list[Cells]:
-    """The straight cells of this rank and, on a mesh of order 2, the curved ones."""
+    """The straight cells that this rank owns and, after them, the curved ones if there are any."""
     count = compat.cell_index_map(mesh.dolfinx).size_local
     x = mesh.geometry.nodes[:count]
     nodes = compat.cell_dofs(form.space, (0,), np.arange(count)) // 3
@@ -443,7 +454,7 @@ def _cells_by_kind(mesh: Mesh, form: WeakForm, parts: Parts) -> list[Cells]:
 
 
 def _quadrature(mesh: Mesh, form: WeakForm, degree: int) -> QuadratureRule:
-    """The rule of a degree in the cells of a mesh."""
+    """The quadrature rule of this degree, with the shape functions of `form`."""
     X, weights = compat.quadrature(mesh.cell, degree)
     values = compat.tabulate(form.space, (0,), X)
     gradients = compat.tabulate_slopes(form.space, (0,), X)

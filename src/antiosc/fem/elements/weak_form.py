@@ -85,7 +85,12 @@ DIRECTION_CHECK = checked_by(checked_direction)
 
 
 def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function]:
-    """(0° direction, not projected onto the sheet; 1 if the normal points to the top, else -1)."""
+    """(0° direction, not projected onto the sheet; 1 if the normal points to the top, else -1).
+
+    Both are constant in each cell. Without an axis the direction is the cell's first edge (not of
+    unit length), and without a top in space the value is 1. InputError for an axis along a normal,
+    a top along the sheet, or opposite normals of neighbours where the layers need one side.
+    """
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
     normals = _normals(mesh, x)
     axes = compat.cellwise_function(mesh.dolfinx, 3)
@@ -117,7 +122,7 @@ def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function
 
 
 def _normals(mesh: Mesh, x: Array) -> Array:
-    """Unit normals (cells, points, 3) at the nodes of the cells."""
+    """Unit normals (cells, nodes, 3) at the nodes of the cells, at `x` (cells, nodes, 3)."""
     slopes = compat.lattice_gradients(mesh.cell, mesh.order, mesh.order)
     J = np.einsum("dqn,cni->dcqi", slopes, x, optimize=True)
     normals = np.cross(J[0], J[1])
@@ -125,7 +130,10 @@ def _normals(mesh: Mesh, x: Array) -> Array:
 
 
 def _directions_at(name: str, direction: Direction, x: Array) -> Array:
-    """Unit vectors (cells, 3) of the direction at the middle of every cell."""
+    """Unit vectors (cells, 3) of the direction at the middle of every cell.
+
+    `x` (cells, nodes, 3): nodes of the cells; `name`: of the direction, for messages.
+    """
     at_cells = direction(x.mean(axis=1).T) if callable(direction) else np.reshape(direction, (3, 1))
     vectors = floats(f"{name}, as a function of x (3, n),", at_cells, (3, None)).T
     vectors = np.broadcast_to(vectors, (len(x), 3))
@@ -135,8 +143,8 @@ def _directions_at(name: str, direction: Direction, x: Array) -> Array:
 
 
 def _refuse_parallel(sine: Array, x: Array, what: str) -> None:
-    """InputError if `sine` (cells, points) is below LEAST_SINE in a cell with nodes x; `what`: the
-    fault, for the message."""
+    """InputError if `sine` (cells, points) is below LEAST_SINE at a point of a cell; `x` (cells,
+    nodes, 3): nodes of the cells; `what`: the fault, for the message."""
     bad = sine.min(axis=1) < LEAST_SINE
     if bad.any():
         raise InputError(
@@ -151,7 +159,11 @@ def shown_direction(direction: Direction) -> str:
 
 
 def _check_neighbours(mesh: Mesh, x: Array, side: Array, has_sides: BoolArray) -> None:
-    """InputError if neighbouring cells with unsymmetric layers have opposite tops (`side` ±1)."""
+    """InputError if neighbouring cells, both marked in `has_sides`, have opposite tops.
+
+    For the cells of this rank with ghosts: `x` (cells, nodes, 3) their nodes, `side` (cells,) ±1 as
+    from `axes_and_sides`, `has_sides` (cells,) whether the layers are unsymmetric and have no top.
+    """
     owned = compat.cell_index_map(mesh.dolfinx).size_local
     in_turn = CORNERS_AROUND[mesh.cell]
     number = np.asarray(mesh.dolfinx.geometry.input_global_indices)
@@ -195,7 +207,8 @@ class WeakForm:
     components: Mapping[str, tuple[int, ...]]
     #: mass per unit of cell measure, a UFL expression (total mass = its integral)
     density: Expr
-    #: moment of the mass per cell measure about the mesh, along its normal or height (UFL), if any
+    #: first moment (3,) of the mass about the mesh per cell measure, a vector along the normal of
+    #: the sheet or the height of the beam (UFL); None: the centre of mass is on the mesh
     mass_moment: Expr | None = None
     #: whether twist moves the centroids of beams, which lie off the line of the mesh
     twist_moves_centroid: bool = False
@@ -231,6 +244,7 @@ class WeakForm:
 class Kind:
     """Properties that all materials of one element family share."""
 
+    #: "solid", "sheet", "beam" or "truss"
     name: str
     #: True: an impactor touches the exterior facets of the mesh; False: it touches the cells
     outside: bool
@@ -283,7 +297,7 @@ class Family(Protocol):
 
 #: A `Family`, whose own constants are read by those who know its kind.
 Material: TypeAlias = Any
-#: (material, cells of this rank that it fills)
+#: (material, local numbers of the cells that it fills, ghosts included), …
 Parts = Sequence[tuple[Material, IntArray]]
 
 
@@ -328,6 +342,7 @@ class Isotropic(Checked):
 
     Attributes
     ----------
+    E, nu, rho : Young's modulus (Pa), Poisson's ratio, density (kg/m³).
     yield_strength : Pa; margins of safety (`peak_field`) and contact laws need it.
     yield_range : (Pa, Pa), scatter of the yield strength between batches.
     rate : (D in 1/s, q) of Cowper and Symonds: the strength grows with the strain rate; a third
@@ -389,7 +404,7 @@ def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Material], float | Ar
 
 
 def restricted_forms(forms: Sequence[ufl.Form], mesh: Mesh, cells: IntArray) -> list[ufl.Form]:
-    """The forms restricted to some cells of this rank."""
+    """The forms restricted to `cells`, local numbers; ghosts among them are left out."""
     from dolfinx.mesh import meshtags
 
     own = np.unique(cells[cells < compat.cell_index_map(mesh.dolfinx).size_local]).astype(np.int32)
