@@ -16,8 +16,12 @@ def solver_for(
     prolongation: Callable[[], Matrix | None] = lambda: None,
     columns: float = 1.0,
 ) -> Solver:
-    """The solver of A by `choice`; multigrid uses the rigid-body `motions` and the `prolongation`
-    from coarse dofs; `columns`: right-hand sides at once (inf: always a direct solver)."""
+    """The solver of A by `choice`; of a SciPy matrix always SuperLU.
+
+    Multigrid uses the rigid-body motions that `motions()` returns (rows of this rank, r), and the
+    interpolation from coarse dofs that `prolongation()` returns (None: it aggregates dofs).
+    `columns`: right-hand sides at once; inf: "auto" takes a direct solver if it fits in memory.
+    """
     if is_scipy(A):
         return SuperLU(A)
     from antiosc.fem.linalg import iterative, solver_choice  # need PETSc

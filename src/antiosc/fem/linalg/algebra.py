@@ -151,7 +151,8 @@ def conjugate_gradients(
     most: int,
 ) -> Iterator[tuple[Array, Array, Array]]:
     """Solve A X = R (rows, k) by conjugate gradients: yield (X, rᵀB r (k,), xᵀA x (k,)) first
-    and after each of `most` steps; B: preconditioner `inverse`; `inner` gives xᵀy of columns."""
+    and after each of `most` steps, the array X anew; r: residual; B: preconditioner `inverse`;
+    `inner` gives xᵀy (k,) of columns."""
     X = np.zeros(R.shape)
     r = np.array(R)
     energy = np.zeros(R.shape[1])
@@ -188,7 +189,7 @@ def norms(comm: MPI.Comm, X: Array) -> Array:
 
 
 def diagonal_roots(matrix: Matrix) -> Array:
-    """√a_ii of the rows of this rank; a zero a_ii is replaced by the median of the others."""
+    """√a_ii (rows of this rank,); zeros (a_ii <= 0) are replaced by the median of the others."""
     result = np.sqrt(np.maximum(diagonal(matrix), 0.0))
     comm = communicator(matrix)
     if not all(comm.allgather(result.all())):

@@ -51,6 +51,8 @@ OPENMP_PARALLEL = 2
 
 
 class _Method(ctypes.Structure):
+    """`cholmod_method_struct`: settings of one ordering."""
+
     _fields_ = [
         *((name, c_double) for name in ("lnz", "fl", "prune_dense", "prune_dense2", "nd_oksep")),
         ("other_1", c_double * 4),
@@ -239,7 +241,7 @@ class _Memory:
 
 class Cholesky:
     """Factor P A Pᵀ = L Lᵀ of a matrix with lower triangle A, ordered by nodes of `block` rows or
-    by a given `permutation`."""
+    by a given `permutation` (n,). It is symbolic, without L, until `factorized` is called."""
 
     def __init__(
         self, A: scipy.sparse.csr_matrix, block: int = 1, permutation: IntArray | None = None
@@ -275,7 +277,7 @@ class Cholesky:
 
     @property
     def entries(self) -> int:
-        """Number of entries of the factor."""
+        """Number of entries of the factor, known before `factorized`."""
         return int(self._memory.factor.contents.xsize)
 
     def factorized(self) -> Cholesky:

@@ -58,8 +58,8 @@ class FactoredStructure(Protocol):
     @property
     def comm(self) -> MPI.Comm: ...
     @property
-    def shift(self) -> float: ...
-    def factorize(self) -> Solver: ...
+    def shift(self) -> float: ...  # s [rad²/s²] of the matrix K + sM
+    def factorize(self) -> Solver: ...  # of K + sM
 
 
 def deflections(
@@ -157,6 +157,7 @@ class Walks:
 
     def __init__(self, factor: Cholesky) -> None:
         self._L = L = factor.supernodes
+        #: (n,) row of P A Pᵀ for each row of A
         self.position = np.empty_like(factor.permutation)
         self.position[factor.permutation] = np.arange(len(self.position))
 
@@ -209,7 +210,7 @@ class Walks:
         return result
 
     def _eliminated(self, s: int, z: Array) -> Array:
-        """`z` (height, k) after elimination of supernode s: solved rows, then updated rows."""
+        """`z` (rows of supernode s, k), changed in place: own rows solved, those below updated."""
         height, width = len(z), self._columns[s]
         first = self._L.value[s]
         block = self._L.values[first : first + height * width].reshape(width, height).T

@@ -79,7 +79,7 @@ BACKWARD_ERROR = 1e-6
 class Levels:
     """Functions that return the data of a part for a multigrid method."""
 
-    motions: Callable[[], Array]  # its rigid-body ones (rows of this rank, r)
+    motions: Callable[[], Array]  # its rigid-body motions (rows of this rank, r)
     #: interpolation from coarse to fine dofs, zero rows for fixed ones; None: none is known
     prolongation: Callable[[], PETSc.Mat | None] = lambda: None
 
@@ -108,6 +108,7 @@ class PetscSolver(Solver):
         """Set the type of the PETSc solver."""
 
     def _solve_vector(self, r: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Set x to A⁻¹r; NotConvergedError if PETSc does not converge."""
         self._ksp.solve(r, x)
         reason = self._ksp.getConvergedReason()
         if reason == PETSc.KSP.ConvergedReason.DIVERGED_MAX_IT:
@@ -354,7 +355,7 @@ def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
 
 def without_fixed(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
     """P, changed in place to zero in the rows of `fixed` fine dofs and in the columns of coarse
-    dofs that move them."""
+    dofs that move them; `fixed`: mask (rows of this rank,)."""
     coarse, fine = P.createVecs()
     fine.setArray(np.where(fixed, 1.0, 0.0))
     P.multTranspose(fine, coarse)
@@ -443,7 +444,8 @@ class Smoother:
             rho = next_rho
 
     def __call__(self, load: Array, last: bool = False) -> tuple[Array, Array]:
-        """(x ≈ A⁻¹ load, residual) until the next call; `last`: the residual is not updated."""
+        """(x ≈ A⁻¹ load, residual load − A x), arrays that the next call overwrites; `last`: the
+        residual, no longer needed, is not updated."""
         self._residual[: self._rows] = load
         for keep, gain in self._factors:
             if keep:

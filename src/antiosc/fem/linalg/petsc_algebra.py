@@ -28,7 +28,7 @@ class Cells(Protocol):
     """Protocol of cells that compute matrix products themselves, as `Tetrahedra` do."""
 
     comm: MPI.Comm
-    rows: int
+    rows: int  # number of dofs that this rank owns
 
     def product(self, x: Array, k: float, m: float, linear: bool = False) -> Array: ...
     def blocks(self, k: float, m: float) -> Array: ...
@@ -46,7 +46,7 @@ class CellProduct:
     cells: Cells
     k: float
     m: float
-    _diagonal: Array | None = None
+    _diagonal: Array | None = None  # (rows of this rank,), once it is known
 
     def __call__(self, x: Array) -> Array:
         """The product with a vector or a block of vectors (rows of this rank, k)."""
@@ -61,7 +61,7 @@ class CellProduct:
 
     @property
     def diagonal(self) -> Array:
-        """The diagonal on the rows of this rank, from the stored entries if there are any."""
+        """The diagonal (rows of this rank,), from the stored entries if `with_entries` made any."""
         if self._diagonal is None:
             blocks = self.cells.blocks(self.k, self.m)
             rows = np.arange(len(blocks))
@@ -133,7 +133,10 @@ def empty_matrix(rows: int, comm: MPI.Comm) -> PETSc.Mat:
 
 
 def from_csr(name: str, matrix: scipy.sparse.csr_matrix) -> PETSc.Mat:
-    """A one-rank PETSc matrix from a SciPy matrix with sorted entries."""
+    """A one-rank PETSc matrix from a SciPy matrix with sorted entries.
+
+    InputError, which calls the matrix `name`, if PETSc's integers cannot count its entries.
+    """
     if max(matrix.shape[0], matrix.nnz) > np.iinfo(PETSc.IntType).max:
         raise InputError(f"{name} has {matrix.nnz} entries, more than this PETSc's integers count.")
 
@@ -157,7 +160,8 @@ def without_zeros(matrix: PETSc.Mat) -> PETSc.Mat:
 
 
 def copied_matrix(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
-    """A copy of any PETSc matrix with accessible entries."""
+    """A copy, of type aij, of any PETSc matrix with accessible entries; otherwise InputError, which
+    calls the matrix `name`."""
     if not matrix:
         raise InputError(f"{name} is an empty PETSc matrix, or one that was destroyed.")
     if not matrix.assembled:

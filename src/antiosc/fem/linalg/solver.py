@@ -60,9 +60,10 @@ log = logging.getLogger(__name__)
 class ProductCost:
     """Cost of a two-level solver per entry of A, stored or not, in bytes and seconds."""
 
-    row: float  # entries in a row of A
+    row: float  # mean number of entries in a row of A; NaN where they are stored and counted
     bytes: float  # of the levels, and of the cells' data for products by cells
-    aggregated: float  # where the coarse level is not factored, while its products are made
+    #: bytes if the coarse level is aggregated in place of factored, at most, during the set-up
+    aggregated: float
     seconds: float  # of an iteration
 
 
@@ -137,8 +138,9 @@ class LevelSizes:
     """Numbers of entries that determine the cost of a two-level solver."""
 
     stored: float  # of A, also where products by cells do not store them
-    products: ProductCost
-    factor: float = 0.0  # of A's factor, for those of the coarse one; 0: no linear elements
+    products: ProductCost  # of products with A, stored or by cells
+    #: of a factor of A, from which `coarse` follows; 0: no coarse level of linear elements
+    factor: float = 0.0
 
     @property
     def coarse(self) -> float:
@@ -203,7 +205,7 @@ class Solver(ABC):
             self._set_up()
         process.return_free_memory()
 
-        #: time of the set-up
+        #: time of the set-up, s
         self.seconds = time.perf_counter() - start_time
         log.info("%s of %d dofs: %.1f s", type(self).__name__, algebra.size(A), self.seconds)
 
@@ -220,7 +222,7 @@ class Solver(ABC):
         return self.solve_block(r[:, None])[:, 0]
 
     def solve_checked(self, r: Array) -> Array:
-        """A⁻¹r (a vector or a block); raises an error if its residual shows that A is singular."""
+        """A⁻¹r (a vector or a block); AccuracyError if growth or residual show a singular A."""
         R = r[:, None] if r.ndim == 1 else r
         X = self.solve_block(R)
         root = diagonal_roots(self.A)[:, None]

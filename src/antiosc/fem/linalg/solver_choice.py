@@ -230,7 +230,8 @@ LEAST_TIMED_DOFS = 30_000
 
 
 def solver_for(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float = 1.0) -> Solver:
-    """The solver of A by `choice` ("auto": by forecasts) for `columns` loads at once."""
+    """The solver of A by `choice` ("auto": by forecasts) for `columns` loads at once (inf: "auto"
+    takes a factor if it fits in memory); OutOfMemoryError if none fits."""
     levels = replace(levels, prolongation=cache(levels.prolongation))
     if uses_strains(A):
         return SolverByStrains(A, lambda matrix: _chosen_solver(matrix, choice, levels, columns))
@@ -238,6 +239,7 @@ def solver_for(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: floa
 
 
 def _chosen_solver(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float) -> Solver:
+    """As `solver_for`, for the entries of A: products by strains are left to the caller."""
     if choice == "iterative":
         return _iterative_solver(A, levels)
 
@@ -357,7 +359,7 @@ def stored_entries(A: PETSc.Mat) -> float:
 class Forecast:
     """Forecast of a matrix's factor, and the symbolic analysis that gave it."""
 
-    entries: float  # of the factor on all ranks
+    entries: float  # of the factor of the given matrix on all ranks; 0: MUMPS gave no estimate
     matrix: PETSc.Mat  # that is analysed: the given one, or that of linear elements
     analysis: Cholesky | None = None  # of that matrix, on one rank
 
@@ -370,7 +372,7 @@ class Forecast:
 
 
 def forecast_of(A: PETSc.Mat, prolongation: PETSc.Mat | None = None) -> Forecast:
-    """Forecast of the factor of A, derived from PᵀAP if the interpolation P is given."""
+    """Forecast of the factor of A, from that of PᵀAP if the `prolongation` P is given."""
     matrix = A if prolongation is None else coarse_matrix(A, prolongation)
     finer = 1.0 if prolongation is None else QUADRATIC_OVER_LINEAR
     comm = A.getComm().tompi4py()
