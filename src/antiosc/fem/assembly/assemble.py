@@ -82,11 +82,11 @@ class _System:
     dof (-1: any); `owner` is the index of its label in `labels`."""
 
     C: Sparse
-    pivot: IntArray
-    owner: IntArray
+    pivot: IntArray  # (m,)
+    owner: IntArray  # (m,)
     #: name of each owner; empty for supports
     labels: Sequence[str]
-    #: typical size of each dof; 0 for columns of prescribed values, which are never pivots
+    #: (n + k,) typical size of each dof; 0 for columns of prescribed values, which are never pivots
     scale: Array
 
     def names(self, rows: IntArray) -> str:
@@ -98,8 +98,11 @@ def eliminate(
     rows: Sequence[Rows], fixed: BoolArray, scale: Array, prescribed: Array | None = None
 ) -> Eliminated:
     """Motions u = T q that satisfy the constraints `rows` (supports first) and are zero at `fixed`
-    dofs. `scale` (n,): typical sizes of dofs; `prescribed` (m, k): k sets of right-hand sides, for
-    which `Eliminated.particular` is computed."""
+    dofs. `fixed` (n,): mask; `scale` (n,): typical sizes of dofs; `prescribed` (m, k): k sets of
+    right-hand sides, for which `Eliminated.particular` is computed.
+
+    InputError if too many rows overlap; AccuracyError if rows are nearly dependent.
+    """
     n = len(fixed)
     C = scipy.sparse.vstack([Sparse((0, n)), *(r.matrix for r in rows)]).tocsr()
     pivot = np.concatenate([np.zeros(0, dtype=int), *(r.pivot for r in rows)])
@@ -364,7 +367,8 @@ def assemble(
     Raises
     ------
     InputError
-        Unknown parts, groups and points; a joint that joins nothing; parts that remain loose.
+        Unknown parts, groups and points; a joint that joins nothing; parts that remain loose, have
+        a prestress or are spread over several ranks.
     AccuracyError
         Constraints that are nearly linearly dependent.
 
@@ -410,7 +414,7 @@ class _Joined:
     constraints: Constraints
     eliminated: Eliminated
     added: AddedTerms
-    motions: Array  # (n, k) without strain
+    motions: Array  # (n, k) of u, without strain, that satisfy the constraints
     bodies: Sequence[RigidDofs]  # before they are joined
 
 
@@ -479,7 +483,7 @@ def _joined(
 
 
 def _fixed_mask(layout: Layout) -> BoolArray:
-    """Mask of the parts' fixed dofs and, if parts are plane, of points' out-of-plane dofs."""
+    """Mask (n,) of the parts' fixed dofs and, if parts are plane, of points' out-of-plane dofs."""
     fixed = np.zeros(layout.count, dtype=bool)
     for member in layout.members.values():
         fixed[member.first + member.part.fixed] = True
@@ -493,7 +497,7 @@ def _fixed_mask(layout: Layout) -> BoolArray:
 
 
 def _check_dense(label: str, functionals: Sparse) -> None:
-    """InputError for functionals that would couple too many dofs with one another."""
+    """InputError for functionals (m, n) of the joint `label` that would couple too many dofs."""
     count = int(np.diff(functionals.indptr).max(initial=0))
     if functionals.shape[0] <= MOST_POINT_ROWS and count > MOST_COUPLED_DOFS:
         raise InputError(
@@ -593,7 +597,7 @@ def superelement(layout: Layout, part: Superelement) -> ElasticTerm:
 
 
 def _point_motions(layout: Layout, where: str | Sequence[float]) -> list[PointMotion]:
-    """Motions of the points at which an attachment acts."""
+    """Motions of the points at which an attachment acts: one, or those of a group of points."""
     if not isinstance(where, str):
         if len(where) < 3 and not layout.plane:
             raise InputError(f"{shown(where)} has {len(where)} coordinates: give x, y and z.")

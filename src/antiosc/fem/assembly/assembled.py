@@ -52,9 +52,9 @@ ROUNDED_MOTION = 1e-7
 class RigidDofs:
     """The dofs and rigid motions of one body before joining, or of the whole assembly."""
 
-    name: str  # of the part or of the reference point, for messages
-    rows: IntArray  # its dofs in u
-    centre: Array  # (3,) [m]
+    name: str  # of the part or of the reference point, for messages; "all" of the assembly
+    rows: IntArray  # indices of its dofs in u
+    centre: Array  # (3,) [m] about which it rotates: the middle of its bounding box
     motions: Array  # (rows, k) unit translations, and rotations that move its ends by 1
 
 
@@ -96,8 +96,12 @@ def _rigid_body(
 def free_motions(
     layout: Layout, bodies: Sequence[RigidDofs], constraints: Sparse, fixed: BoolArray, scale: Array
 ) -> tuple[Array, int]:
-    """(strain-free motions (n, k) that satisfy all constraints, number of rigid motions of the
-    assembly among them)."""
+    """(strain-free motions (n, k) of u that satisfy all constraints, number of rigid motions of the
+    assembly among them).
+
+    `constraints` (m, n): functionals of u that are zero, strains of springs included; `fixed` (n,)
+    and `scale` (n,): as of `Constraints`.
+    """
     size = np.asarray(abs(constraints) @ scale).ravel()
     scaled = scipy.sparse.diags(1 / size[size > 0]) @ constraints[size > 0]
     units = scipy.sparse.diags(1 / scale[fixed]) @ scipy.sparse.identity(len(fixed)).tocsr()[fixed]
@@ -109,7 +113,7 @@ def free_motions(
 
 
 def moving_bodies(bodies: Sequence[RigidDofs], motions: Array) -> list[RigidDofs]:
-    """The bodies that `motions` (n, k) move."""
+    """The bodies that `motions` (n, k) of u move."""
     least = ROUNDED_MOTION * np.abs(motions).max(initial=0.0)
     return [body for body in bodies if np.abs(motions[body.rows]).max(initial=0.0) > least]
 
@@ -153,8 +157,8 @@ def modes_and_shift(
     bodies: Sequence[RigidDofs],
 ) -> tuple[Array, float]:
     """(M-orthonormal strain-free motions (n, r) in q, shift [rad²/s²] of K + shift M) from the
-    strain-free `motions` (n, k) in u. InputError for a point without mass or resistance;
-    AccuracyError if a motion strains a part."""
+    strain-free `motions` (n, k) in u; shift 0 if there are none. InputError for a point without
+    mass or resistance; AccuracyError if a motion strains a part."""
     comm = MPI.COMM_SELF
     motions = eliminated.coordinates(motions)
 
@@ -198,7 +202,7 @@ Loads = TypeVar("Loads")
 
 
 class AddedTerms:
-    """Terms of joints and attachments in K and M (n, n) on q, and in the mass [kg]."""
+    """Terms of joints, attachments and superelements in K and M (n, n) on q, and in `mass` [kg]."""
 
     def __init__(self, elastic: Sequence[ElasticTerm], T: Sparse) -> None:
         self._terms = elastic
@@ -214,7 +218,7 @@ class AddedTerms:
         self.M = (self._G_on_q.T @ self._m @ self._G_on_q).tocsr()
 
     def dissipation(self, *, on_u: bool = False) -> list[Dissipation]:
-        """Dashpots and Maxwell branches on q; `on_u`: on the dofs u of the unjoined parts."""
+        """Dashpots, then Maxwell branches, on q; `on_u`: on the dofs u of the unjoined parts."""
         functionals = [term.G for term in self._terms] if on_u else self._on_q
         pairs = zip(self._terms, functionals, strict=True)
         terms = [damper for term, G in pairs for damper in term.dampers(G)]
@@ -410,7 +414,8 @@ def product_by_parts(
 
 
 def as_petsc(name: str, matrix: Sparse, layout: Layout) -> PETSc.Mat:
-    """A PETSc matrix (n, n) on q; block size: dofs per node, if equal in all parts."""
+    """A PETSc matrix (n, n) on q; block size: dofs per node, if equal in all parts. `name`: for
+    messages."""
     result = from_csr(name, matrix)
     blocks = {member.block for member in layout.members.values()}
     if len(blocks) == 1 and not layout.condensed:  # half a node orders badly
@@ -431,7 +436,8 @@ def _projected(T: Sparse, K: Sparse, added: Sparse) -> Sparse:
 
 
 def group_of(matrices: PartsMatrices, name: str, what: str = "point") -> tuple[Member, str]:
-    """(part, group) for "part:group" in an assembly, or for a group of the only mesh."""
+    """(part, group) for "part:group" in an assembly, or for a group of the only mesh; `what`: the
+    argument, for the InputError."""
     if isinstance(matrices, AssembledMatrices):
         return matrices.layout.group_end(what, name)
     return matrices.members()[0], name
@@ -441,7 +447,7 @@ def point_on_parts(
     matrices: PartsMatrices, point: Sequence[float] | str | None, part: str | None, node: int | None
 ) -> tuple[Array, str | None, PointMotion | None]:
     """(coordinates (3,) [m], part or None, motion if it has no mesh, else None) of a point given by
-    coordinates, by name or by `node` number."""
+    coordinates, by name or by `node` number in the file. InputError if there is no such point."""
     if node is not None:
         for member in matrices.members(part):
             mesh = member.part.mesh

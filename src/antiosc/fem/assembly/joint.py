@@ -65,7 +65,10 @@ END_CHECK = checked_by(checked_end)
 
 
 def motion_of_end(layout: Layout, end: End) -> PointMotion:
-    """The motion of an end at its point or at its group's centroid."""
+    """The motion of an end, as functionals of u, at its point or at its group's centroid.
+
+    InputError if there is no such part, group or reference point, or the point is off the part.
+    """
     end_motion = layout.motion_without_mesh(end)
     if end_motion is not None:
         return end_motion
@@ -90,7 +93,7 @@ def motion_of_end(layout: Layout, end: End) -> PointMotion:
 def _point_motion(
     layout: Layout, part: str, point: tuple[float, ...], radius: float | None = None
 ) -> PointMotion:
-    """The motion of a part at a point, or of its surface within a radius."""
+    """The motion of a part at a point, or the mean motion of its surface within `radius` [m]."""
     end = (part, point)
     member = layout.member(part, f"{end_text(end)}: ")
     (place,) = places_at([member], in_space(point)[None])
@@ -108,7 +111,10 @@ def _point_motion(
 
 
 def _points_around(place: Place, end: End, radius: float) -> WeightedPoints:
-    """Quadrature points within `radius` of a place on the faces, sheets or lines of its part."""
+    """Quadrature points within `radius` [m] of a place on the faces, sheets or lines of its part.
+
+    InputError if they are fewer than `CUT_POINTS`; `end`: for its message.
+    """
     member = place.member
     faces = member.part.faces
     near = np.linalg.norm(faces.centres - place.point, axis=1) <= faces.radii + radius
@@ -126,7 +132,8 @@ def _points_around(place: Place, end: End, radius: float) -> WeightedPoints:
 
 def mean_motion(layout: Layout, member: Member, points: WeightedPoints) -> PointMotion:
     """Weighted mean motion of points at their centroid, J θ = Σ w r × u with J = Σ w (r² 1 − r rᵀ).
-    If all points lie on one axis, the rotation about it is the mean of the nodes' rotations."""
+    If all points lie on one axis, the rotation about it is the mean of the rotations at the points.
+    `points`: of the part, with x in the axes of the assembly."""
     w = points.weight / points.weight.sum()
     x = points.x
     centre = w @ x
@@ -179,7 +186,8 @@ def following_rows(
     motions: Sequence[tuple[tuple[str, ...], Sparse]],
     label: str,
 ) -> Rows:
-    """Constraints that make P nodes of a part follow `motions` [(components, matrix (3P, n))]."""
+    """Constraints that make P nodes of a part follow `motions` [(components, matrix (3P, n))];
+    components: the three displacements or rotations. Each row's pivot is the node's dof."""
     rows, pivots = [], []
     for names, motion in motions:
         for name, of_component in layout.of_components(member, names, motion):
@@ -196,7 +204,7 @@ class Constraints:
 
     rows: Sequence[Rows]  # of the supports first, then of the joints
     fixed: BoolArray  # (n,) dofs that are zero
-    scale: Array  # (n,) typical size of each dof
+    scale: Array  # (n,) typical size of each dof: 1; of rotations 1/size of the assembly [1/m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +214,7 @@ class Eliminated:
     T: Sparse  # (n, n), u = T q; the columns of dependent dofs are empty
     dependent: BoolArray  # (n,) which dofs are not in q, those that are fixed included
     redundant: Mapping[str, int]  # joint -> number of its rows that follow from others
-    #: (n, k) motions that satisfy the constraints with prescribed values, if any
+    #: (n, k) motions that satisfy the constraints with k sets of prescribed values; None: no values
     particular: Array | None = None
 
     def coordinates(self, u: Array) -> Array:
@@ -219,12 +227,12 @@ class Eliminated:
 class Joint(Checked):
     """A joint between parts: linear constraints, springs and masses; messages use its name."""
 
-    name: str | None
+    name: str | None  # None: messages name its class and its number
     #: whether its constraints are made after those of other joints
     late: ClassVar[bool] = False
 
     def prepare(self, layout: Layout, label: str) -> None:
-        """Add the reference points of the joint to the layout."""
+        """Add the reference points of the joint, if it has any, to the layout under `label`."""
 
     def constraints(self, layout: Layout, earlier: Constraints, label: str) -> list[Rows]:
         """The linear constraints C u = 0 of the joint; `earlier`: constraints of other joints."""

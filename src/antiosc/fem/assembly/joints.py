@@ -47,6 +47,8 @@ BENDING_PLANES = ((1, 5, 1.0), (2, 4, -1.0))
 
 @dataclass(frozen=True)
 class _Pin(TwoEnds):
+    """Base of joints by which both ends have the same motion in some directions at `point`."""
+
     point: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
     name: str | None = field(default=None, metadata=NAME_CHECK)
 
@@ -70,7 +72,7 @@ class _Pin(TwoEnds):
         return [Rows.free(rows, label)]
 
     def _constrained(self) -> Array:
-        """The k displacements and rotations (k, 6) that are equal at both ends."""
+        """Directions (k, 6), of displacement and rotation, in which both ends have equal motion."""
         raise NotImplementedError
 
 
@@ -107,6 +109,8 @@ class Ball(_Pin):
 
 @dataclass(frozen=True)
 class _AxisJoint(_Pin):
+    """Base of joints that leave the rotation about `axis`, or the displacement along it, free."""
+
     axis: Sequence[float] = field(default=(0.0, 0.0, 1.0), metadata=checked_by(checked_axis))
 
     #: whether the axis is that of a rotation
@@ -184,7 +188,10 @@ def motions_at(
 
 
 def relative_motion(label: str, directions: Array, a: EndMotion, b: EndMotion) -> Sparse:
-    """Motion (k, dofs) of b minus a's along `directions` (k, 6); InputError if an end lacks one."""
+    """Motion of b minus that of a (k, n), along `directions` (k, 6), as functionals of u.
+
+    InputError if an end cannot move in one of the directions.
+    """
     for end, end_motion in (a, b):
         for direction in directions:
             turns = direction[3:].any()
@@ -247,6 +254,7 @@ class Equation(Joint):
 
 
 def _checked_term(term: object) -> tuple[End, str, float]:
+    """The checked (end, component, coefficient) of an `Equation`; otherwise InputError."""
     if not isinstance(term, tuple | list) or len(term) != 3:
         raise InputError(
             f"a term must be (end, component, coefficient), as (('plate', (0, 0, 0)), 'z', 1.0); "
@@ -532,7 +540,10 @@ class Bolt(TwoEnds):
 
 
 def beam_matrices(beam: Beam, length: float) -> tuple[Array, Array]:
-    """(stiffness, mass) (12, 12) of a beam along x with height along y, by static shapes."""
+    """(stiffness, mass), each (12, 12), of a beam of this `length` [m] along x with height along y.
+
+    Dofs: x, y, z, rx, ry, rz of the first end, then of the second. The shapes are static ones.
+    """
     section = beam.section
     inertia = np.diag([section.A * beam.rho] * 3 + [0.0] * 3)
     inertia[3, 3] = beam.rho * (section.I + section.side)

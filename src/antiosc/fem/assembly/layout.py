@@ -54,11 +54,13 @@ class Superelement:
     K: Array
     M: Array
     places: DofPlaces  # where and what its n dofs are
-    ends: Mapping[str, PointMotion]  # of its sites by name, or of its nodes by number
+    #: of its sites by name, or of its nodes by number: motion, as functionals of its n dofs
+    ends: Mapping[str, PointMotion]
     fixed: BoolArray  # (n,) dofs that are zero
-    patches: Mapping[str, tuple[float | None, float]]  # radius [m], half-space compliance [m/N]
+    #: of each of its `ends`: patch radius [m] (None: a point), local compliance there [m/N]
+    patches: Mapping[str, tuple[float | None, float]]
     rigid: Array | None = None  # (n, r) orthonormal rigid motions, on which K is exactly zero
-    first: int = 0  # number of its first dof in u
+    first: int = 0  # index of its first dof in u
 
     @property
     def rows(self) -> slice:
@@ -163,13 +165,13 @@ def row_numbers(matrix: Sparse) -> IntArray:
 
 
 def row_maxima(size: Array, row: IntArray, count: int) -> Array:
-    """Largest `size` of the entries in each of `count` rows; `row`: row of each entry."""
+    """Largest `size` of the entries in each row (count,), or 0; `row`: row of each entry."""
     result = np.zeros(count)
     np.maximum.at(result, row, size)
     return result
 
 
-#: "part:group" or the name of a reference point, ("part", point) or ("part", point, radius)
+#: "part:group" or the name of a reference point, ("part", point) or ("part", point, radius) [m]
 End: TypeAlias = str | tuple[str, tuple[float, ...]] | tuple[str, tuple[float, ...], float]
 
 
@@ -185,7 +187,9 @@ POINT_DOFS = 6
 
 
 class Layout:
-    """The dofs u of an assembly: meshed `members`, superelements `condensed`, reference points."""
+    """The n dofs u of an assembly: of its meshed parts `members`, superelements `condensed`, and
+    reference `points`, name -> coordinates (3,) [m]. `at`: placement of each part.
+    """
 
     def __init__(
         self,
@@ -207,6 +211,7 @@ class Layout:
                 first += len(part.K)
         self.points = dict(points)
         self._first_point = first
+        #: whether all parts are plane
         self.plane = _are_plane(self.members, self.condensed)
         for name, x in self.points.items() if self.plane else ():
             if x[2]:
@@ -214,6 +219,7 @@ class Layout:
         all_points = [m.vertices for m in self.members.values()]
         all_points += [c.points for c in self.condensed.values()]
         x = np.vstack([*all_points, *self.points.values()])
+        #: low, high: corners (3,) [m] of the bounding box of all parts and points
         self.low = x.min(axis=0)
         self.high = x.max(axis=0)
 
@@ -256,14 +262,17 @@ class Layout:
         return self.members[name]
 
     def group_end(self, name: str, end: End) -> tuple[Member, str]:
-        """(part, group) named by an end; InputError unless it is "part:group"."""
+        """(part, group) of an end "part:group"; otherwise InputError, which calls it `name`."""
         if not isinstance(end, str) or ":" not in end:
             raise InputError(f'{name} must be a group, "part:group"; got {end_text(end)}.')
         part, group = end.split(":", 1)
         return self.member(part, f"{end_text(end)}: "), group
 
     def motion_without_mesh(self, end: End) -> PointMotion | None:
-        """Motion of an end that is a reference point or on a superelement; None for other ends."""
+        """Motion of an end that is a reference point or on a superelement; None for other ends.
+
+        InputError if the superelement has no such site or node.
+        """
         part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
         if part in self.condensed:
             return self._superelement_motion(part, end)
@@ -332,7 +341,8 @@ class Layout:
     # -- motions as functionals: row 3 p + c is component c of point p, in the assembly's axes
 
     def at_points(self, member: Member, cell: IntArray, X: Array, names: tuple[str, ...]) -> Sparse:
-        """Functionals (3P, n): displacements or rotations (`names`) at points X of P cells."""
+        """Functionals (3P, n): displacements or rotations (`names`) at reference points X (P, tdim)
+        in cells (P,); zero for components that the part does not have."""
         space = member.part.form.space
         entries = []
         for axis, name in enumerate(names):
@@ -355,7 +365,7 @@ class Layout:
         return self._stacked(entries, len(nodes))
 
     def curl(self, member: Member, cell: IntArray, X: Array) -> Sparse:
-        """Functionals (3P, n): ½ ∇ × u at reference points X (P, tdim) in cells of a solid."""
+        """Functionals (3P, n): ½ ∇ × u at reference points X (P, tdim) in cells (P,) of a solid."""
         form = member.part.form
         _, J = member.part.mesh.geometry.at(cell, X)
         slopes = compat.tabulate_slopes(form.space, form.components["x"], X)
@@ -388,14 +398,15 @@ class Layout:
     def of_components(
         self, member: Member, names: tuple[str, ...], motions: Sparse
     ) -> Iterator[tuple[str, Sparse]]:
-        """Yield (name, rows (P, n)): `motions` (3P, n) along the part's axis of each component."""
+        """Yield (name, rows (P, n)) for each component among `names` that the part has: `motions`
+        (3P, n) along the part's axis of this component."""
         for axis, name in enumerate(names):
             if name in member.part.form.components:
                 local_axis = member.at.rotation[:, axis]
                 yield name, sum(local_axis[c] * motions[c::3] for c in range(3) if local_axis[c])
 
     def dofs(self, member: Member, nodes: IntArray, name: str) -> IntArray:
-        """Dofs in u of one component (in the axes of the part) of nodes."""
+        """Dofs (P,) in u of one component (in the axes of the part) of nodes (P,)."""
         (component,) = member.part.form.components[name]
         return np.asarray(member.first + member.block * np.asarray(nodes) + component)
 
@@ -433,7 +444,8 @@ ROUNDED_COEFFICIENT = 1e-13
 
 
 def without_rounding(matrix: Sparse) -> Sparse:
-    """The matrix without entries below the rounding error of the largest entry in the row."""
+    """The matrix without entries below the rounding error of the largest entry in the row; one of
+    CSR format is changed in place."""
     matrix = matrix.tocsr()
     size = np.abs(matrix.data)
     row = row_numbers(matrix)
@@ -446,7 +458,7 @@ def without_rounding(matrix: Sparse) -> Sparse:
 
 
 def checked_parts(parts: object) -> dict[str, MeshedStructure | Superelement]:
-    """The parts by name, checked."""
+    """The parts by name, checked; models and given matrices become superelements."""
     if not isinstance(parts, Mapping) or not parts:
         raise InputError(f"parts must be a dict: name -> Structure; got {shown(parts)}.")
     for name in parts:
@@ -465,6 +477,7 @@ def _check_name(what: str, name: object) -> None:
 
 
 def _checked_part(name: str, part: object) -> MeshedStructure | Superelement:
+    """The matrices of a part with a mesh, or a superelement; InputError for other parts."""
     if isinstance(part, AntiOscillators):
         return model_superelement(name, part)
     if not isinstance(part, Structure):
@@ -491,7 +504,7 @@ def _checked_part(name: str, part: object) -> MeshedStructure | Superelement:
 
 
 def checked_places(members: Mapping[str, object], at: object) -> dict[str, Placement]:
-    """The placement of each part by name, checked."""
+    """The placement of each part by name, checked; parts that `at` does not name stay in place."""
     placements = {} if at is None else at
     if not isinstance(placements, Mapping):
         raise InputError(f"at must be a dict: name -> Placement or (x, y, z); got {shown(at)}.")

@@ -95,12 +95,12 @@ class Facets(Entities):
         return face, xi_of_faces, size * np.tile(w, len(self))
 
     def at(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
-        """(points (n, 3) [m], derivatives (n, 3, dim)) in the assembly's axes, at ξ in faces."""
+        """(points x (n, 3) [m], dx/dξ (n, 3, dim)) at ξ (n, dim) in faces; assembly's axes."""
         x, J = super().at(face, xi)
         return self.member.at.placed(x), np.einsum("cx,nxd->ncd", self.member.at.rotation, J)
 
     def basis(self, face: IntArray, xi: Array) -> Sparse:
-        """Values (n, nodes of the part) of the shape functions at ξ in faces."""
+        """Values (n, nodes of the part) of the shape functions at ξ (n, dim) in faces (n,)."""
         form = self.member.part.form
         path = form.components["x"]
         weights = compat.tabulate(form.space, path, self.reference(face, xi))
@@ -132,7 +132,7 @@ class Overlap:
     eta: Array  # (n, dim) coordinates in it
     y: Array  # (n, 3) [m]
     weight: Array  # (n,) [m or m²]
-    share: float  # of the follower's length or area
+    share: float  # of the follower's length or area that lies on the leader, 0 to 1
 
 
 def overlap(follower: Facets, leader: Facets, gap: float) -> Overlap:
@@ -157,7 +157,8 @@ def overlap(follower: Facets, leader: Facets, gap: float) -> Overlap:
 
 
 def nearest_on_faces(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array, Array]:
-    """(face, ξ, point [m]) nearest to each of `points`; far beyond `reach` [m] it is infinite."""
+    """(face (n,), ξ (n, dim), point (n, 3) [m]) nearest to each of `points` (n, 3). The point is
+    infinite if no face is near; within `reach` [m] the nearest one is always found."""
     item, point = pairs_within(faces.centres, faces.radii + reach, points)
     xi = foot_coordinates(faces, item, points[point])
     x = faces.at(item, xi)[0]
@@ -251,7 +252,10 @@ def _projection_rows(
     tied_dofs: BoolArray,
     label: str,
 ) -> list[Rows]:
-    """Constraints: the follower's free dofs equal the L2 projection of the leader's motion."""
+    """Constraints: the follower's free dofs equal the L2 projection of the leader's motion.
+
+    `tied_dofs` (n,): mask of the dofs of u that are not free. Empty if no node can follow.
+    """
     phi = follower.basis(common.face, common.xi)
     nodes = np.flatnonzero(np.diff(phi.tocsc().indptr))
     phi = phi[:, nodes]
@@ -361,7 +365,7 @@ def _leader_motions(
 
 
 def _dense_product(inverse: Array, functionals: Sparse) -> Sparse:
-    """inverse · functionals, without entries that are rounding."""
+    """inverse (r, k) · functionals (k, n), without entries that are rounding."""
     used_columns = np.unique(functionals.indices)
     values = inverse @ functionals[:, used_columns].toarray()
     values[np.abs(values) < ROUNDED_WEIGHT * np.abs(values).max(initial=0.0)] = 0.0
@@ -425,7 +429,8 @@ def edge_on_solid(
 
 
 def _layer_sums(factors: Array, matrices: Array) -> Sparse:
-    """Matrix (3Q, 3QL) of the sums Σ_j factor_qj · matrix_q · u_qj over L layers."""
+    """Matrix (3Q, 3QL) of the sums Σ_j factors_qj · matrices_q · u_qj over L layers, at Q points;
+    `factors` (Q, L), `matrices` (Q, 3, 3)."""
     count, layers = factors.shape
     values = np.einsum("qj,qab->qajb", factors, matrices)
     row = 3 * np.arange(count)[:, None, None, None] + np.arange(3)[None, :, None, None]
@@ -446,8 +451,8 @@ def rotation_rows(
     motion: Array | Sparse,
     label: str,
 ) -> Rows:
-    """Constraints: rotations of nodes across `normals` follow `motion` (3 nodes, dofs); rotations
-    about `normals` stay free."""
+    """Constraints: the rotations of P nodes across `normals` (P, 3), of any length, follow `motion`
+    (3P, n), which is n × g of `edge_on_solid`; rotations about the normals stay free."""
     member = edge.member
     dofs = np.column_stack([layout.dofs(member, nodes, name) for name in ROTATIONS])
     units = normals / np.linalg.norm(normals, axis=1, keepdims=True)
