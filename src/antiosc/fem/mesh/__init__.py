@@ -34,6 +34,7 @@ class CellGeometry:
         kind = getattr(basix.CellType, cell)
         self.nodes = nodes
         self.simplex = cell in SIMPLICES
+        #: (corners, tdim) reference coordinates of a cell's corners, its first nodes
         self.corners = np.asarray(basix.geometry(kind))
         self._topology = basix.topology(kind)
         self._element = basix.create_element(basix.ElementFamily.P, kind, order)
@@ -104,7 +105,10 @@ class CellGeometry:
 
 
 class CellEntities:
-    """n entities of one dimension, each in a cell at reference coordinates X = origin + axes ξ."""
+    """n entities of one dimension, each in a cell at reference coordinates X = origin + axes ξ.
+
+    `cells` (n,): number of the cell in `geometry`; `origin` (n, tdim); `axes` (n, tdim, dim).
+    """
 
     def __init__(self, geometry: CellGeometry, cells: IntArray, origin: Array, axes: Array) -> None:
         dim = axes.shape[2]
@@ -114,6 +118,7 @@ class CellEntities:
         self._axes = axes
         self.simplex = geometry.simplex or dim < 2
         self.affine = geometry.affine[cells]
+        #: (n, dim) coordinates ξ of the middles
         self.middle = np.full((len(cells), dim), 1 / (dim + 1) if self.simplex else 0.5)
 
     def __len__(self) -> int:
@@ -145,7 +150,8 @@ class Mesh(ReprMixin):
     name: str = "mesh"
     #: whether the unit of length was given by the user or by the file
     stated: bool = False
-    #: node numbers in the file, in the order in which dolfinx received the nodes; -1: none
+    #: numbers in the file of all nodes, in the order in which dolfinx received them; -1: none;
+    #: empty: the file has no numbers
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
@@ -214,7 +220,10 @@ class Mesh(ReprMixin):
         return float(np.linalg.norm(high - low))
 
     def numbered(self, nodes: Sequence[int]) -> BoolArray:
-        """Mask of nodes with these file numbers; InputError for a mesh without numbers."""
+        """Mask (geometry nodes of this rank,) of nodes with these numbers in the file.
+
+        InputError for a mesh without numbers.
+        """
         if not len(self.labels):
             raise InputError(f"the nodes of {self.name} have no numbers: give a point or a group.")
         node_numbers = self.labels[np.asarray(self.dolfinx.geometry.input_global_indices)]
@@ -242,7 +251,10 @@ class Mesh(ReprMixin):
         raise InputError(f"{self.name} has no group {shown(name)}; {groups}.")
 
     def _side(self, name: str) -> Mapping[int, IntArray]:
-        """The facets on the side `name` ("-x", "+z", …) of the bounding box."""
+        """{tdim − 1: facets of this rank} on the side `name` ("-x", "+z", …) of the bounding box.
+
+        InputError if there are none, or the mesh is flat along this axis.
+        """
         axis = "xyz".index(name[1])
         low, high = self.box
         end = (low if name[0] == "-" else high)[axis]
@@ -280,7 +292,8 @@ def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
 def local_groups(
     mesh: dolfinx.mesh.Mesh, wanted: Mapping[str, Mapping[int, IntArray]]
 ) -> dict[str, dict[int, IntArray]]:
-    """{group: {dimension: entities of this rank}}; `wanted`: the same with vertices (n, v)."""
+    """{group: {dimension: entities of this rank}}; `wanted`: {group: {dimension: vertices (n, v)}},
+    in numbers of the nodes that dolfinx received."""
     groups: dict[str, dict[int, IntArray]] = {name: {} for name in wanted}
     numbers = np.asarray(mesh.geometry.input_global_indices)
     for dim in sorted({dim for parts in wanted.values() for dim in parts}):

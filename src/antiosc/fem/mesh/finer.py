@@ -48,10 +48,11 @@ SIZE_ROUNDING = 1e-9
 class HalvingScheme(NamedTuple):
     """How a cell of one shape is halved, in dolfinx's order of nodes."""
 
-    #: corners of each edge, quadrilateral face or cell that has a middle node
+    #: the cell's corners at each edge, quadrilateral face or cell that has a middle node
     members: list[list[int]]
     halves: IntArray  # (halves, corners) corners and middles that are the vertices of each half
-    #: weights of nodes: for order 1 at the middles of the cell, for order 2 of its halves
+    #: weights of the cell's nodes: for order 1 at the middles of the cell, (1, middles, nodes), for
+    #: order 2 at those of its halves, (halves, middles, nodes)
     weights: tuple[Array, Array]
 
 
@@ -159,7 +160,8 @@ def halved(raw: RawMesh) -> RawMesh:
 
 
 def _middle_nodes(corners: IntArray, shape: HalvingScheme, start: int) -> tuple[IntArray, IntArray]:
-    """(numbers (cells, middles) of new nodes, from `start` on; flat index of first uses)."""
+    """(numbers (cells, middles) of the middles as new nodes, from `start` on; flat index in them of
+    the first use of each new node), for cells with `corners` (cells, corners)."""
     rows = np.full((len(corners), len(shape.members), MOST_CORNERS), -1, dtype=np.int64)
     for k, vertices in enumerate(shape.members):
         rows[:, k, : len(vertices)] = corners[:, vertices]
@@ -216,7 +218,8 @@ def refined_near(mesh: Mesh, refine: Sequence[Refinement]) -> Mesh:
 
 
 def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
-    """Wanted sizes (cells,) [m] of this rank's cells; they grow around `refine` as in gmsh."""
+    """Wanted sizes (cells,) [m] of the cells that this rank owns; they grow around the points of
+    `refine` as in gmsh, and are inf without any."""
     count = compat.cell_index_map(mesh.dolfinx).size_local
     centres = mesh.geometry.nodes[:count].mean(axis=1)
 
@@ -250,7 +253,8 @@ def divisible(mesh: Mesh) -> bool:
 
 
 def refined(mesh: Mesh, ratio: Array) -> Mesh:
-    """The mesh, bisected until its sizes are about `ratio` (cells,) times the present ones."""
+    """The mesh, bisected until its sizes are about `ratio` times the present ones, in at most
+    `MOST_ROUNDS` rounds; `ratio`: (cells that this rank owns,)."""
     whole = gathered(mesh, ratio)
     raw = None
     if whole is not None:
@@ -275,7 +279,10 @@ def _without_midside_nodes(raw: RawMesh) -> RawMesh:
 
 
 def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
-    """The mesh and `values` of its cells on rank 0; None on other ranks."""
+    """The whole mesh and `values` of its cells on rank 0; None on other ranks.
+
+    `values`: (cells that this rank owns,).
+    """
     geometry = mesh.dolfinx.geometry
     nodes_here = np.arange(len(geometry.x), dtype=np.int32)
     number = np.asarray(geometry.index_map().local_to_global(nodes_here))

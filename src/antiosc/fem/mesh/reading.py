@@ -67,7 +67,7 @@ PIECE_REMEDY = "piece 1 is the largest; or cells, its group"
 
 def misfit_cells(cells: IntArray, kind: CellKind) -> tuple[IntArray, IntArray]:
     """(cells with two or more sides in common with another cell, cells with a side in common with
-    two others)."""
+    two others), as indices of `cells` (n, corners)."""
     sides = FACETS[kind.shape]
     facets = np.vstack([cells[:, list(side)] for side in sides])
     owner = np.tile(np.arange(len(cells)), len(sides))
@@ -183,7 +183,10 @@ SIMPLEX_EDGES = {"triangle": EDGES["triangle"], "tetrahedron": EDGES["tetra"]}
 def _cells_where(
     points: Array, cells: IntArray, shape: str, order: int, fails: Callable[[Array], BoolArray]
 ) -> IntArray:
-    """Numbers of `cells` (nodes in dolfinx's order) whose Jacobians (cells, q) satisfy `fails`."""
+    """Indices of `cells` (n, nodes in dolfinx's order) whose Jacobian determinants satisfy `fails`.
+
+    `fails` is given (n, q) determinants at q points, of positive sum in each cell.
+    """
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
     failed = [np.zeros(0, dtype=bool)]
     for start in range(0, len(cells), CELLS_AT_ONCE):
@@ -197,14 +200,16 @@ def _cells_where(
 def folded_cells(
     points: Array, cells: IntArray, shape: str, order: int, least: float = 0.0
 ) -> IntArray:
-    """Numbers of cells whose smallest Jacobian is at most `least` times the largest."""
+    """Numbers of cells (nodes in dolfinx's order) whose smallest Jacobian determinant is at most
+    `least` times the largest."""
     return _cells_where(
         points, cells, shape, order, lambda det: det.min(axis=1) <= least * det.max(axis=1)
     )
 
 
 def _along_mean_normal(J: Array) -> Array:
-    """Jacobians (cells, q) of faces along their mean normal, < 0 where a face folds back."""
+    """Jacobian determinants (cells, q) of faces along their mean normal, < 0 where one folds back;
+    `J` (cells, q, 2, 3)."""
     normals = np.cross(J[:, :, 0], J[:, :, 1])
     mean = normals.sum(axis=1)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
@@ -258,7 +263,10 @@ def refuse_degenerate(mesh: Mesh) -> None:
 
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:
     """`points` with the mid-side nodes of folded cells moved to the middle of their sides; cells
-    that this folds are straightened too."""
+    that this folds are straightened too. `cells`: second-order simplices, nodes in VTK's order.
+
+    UnmeshableError if a straight cell has no volume.
+    """
     points = points.copy()
     edges = np.array(SIMPLEX_EDGES[shape])
     first = int(edges.max()) + 1

@@ -136,7 +136,7 @@ class ClosestPoint:
 
 @dataclass(frozen=True, eq=False)
 class ClosestPoints:
-    """The points of the structure closest to P given points: arrays of `ClosestPoint`'s fields."""
+    """The points of the structure closest to P given points: fields of `ClosestPoint`, (P, …)."""
 
     rank: IntArray
     cell: IntArray
@@ -280,14 +280,15 @@ class WeightedPoints:
 
 
 def kind_of_cells(mesh: Mesh, cells: IntArray) -> str:
-    """meshio's name of the cell type."""
+    """meshio's name of the mesh's cells, by their number of nodes: `cells` (n, nodes)."""
     return next(
         n for n, k in CELL_KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1])
     )
 
 
 def largest_entities(mesh: Mesh, group: str) -> tuple[int, IntArray]:
-    """(dimension, entities of this rank) of the highest dimension in a group."""
+    """(dimension, entities of this rank) of the highest dimension in a group; InputError for an
+    unknown or empty one."""
     by_dimension = mesh.group(group)
     dim_here = max((d for d in by_dimension if len(by_dimension[d])), default=-1)
     dim = mesh.comm.allreduce(dim_here, op=MPI.MAX)
@@ -362,7 +363,7 @@ def entity_shape(mesh: Mesh, dim: int) -> str:
 
 
 def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> WeightedPoints:
-    """Quadrature points on entities, exact to `degree` on straight simplices."""
+    """Quadrature points on entities of dimension `dim`, exact to `degree` on straight simplices."""
     xi, weights = np.zeros((1, 0)), np.ones(1)
     if dim:
         xi, weights = compat.quadrature(entity_shape(mesh, dim), degree)
@@ -397,7 +398,7 @@ TOUCH_SHARE = 1e-6
 NORMAL_TOLERANCE = 1e-6
 #: Reference coordinates may lie this far outside a face that still holds the point (rounding).
 FACE_TOLERANCE = 1e-8
-#: Of equal faces, the one whose normal points most along this is taken, the same on all ranks.
+#: Of equal faces, the one whose normal points most against this is taken, the same on all ranks.
 OBLIQUE_DIRECTION = np.array([0.43, 0.59, 0.68])
 
 
@@ -405,11 +406,11 @@ OBLIQUE_DIRECTION = np.array([0.43, 0.59, 0.68])
 class SurfaceAtSites:
     """Properties of the surface at P sites, the same on all ranks."""
 
-    normals: Array  # (P, 3) unit normals, against the direction of impact
+    normals: Array  # (P, 3) unit normals, against the direction of impact; 0 without faces
     depth: Array  # (P,) distance of the sites from the surface [m]; inf beyond the radius
-    smallest: Array  # (P,) size of the faces under the patch [m]; inf if there is none
-    largest: Array  # (P,) likewise; -inf if there is none
-    rise: Array  # (P,) of the vertices of these faces from the tangent plane [m]
+    smallest: Array  # (P,) mean side of the smallest face under the patch [m]; inf if there is none
+    largest: Array  # (P,) likewise of the largest; -inf if there is none
+    rise: Array  # (P,) largest distance of their vertices from the tangent plane [m]; -inf likewise
     label: IntArray  # (P,) least label of the faces at the site; 0 if there is none
 
     def of(self, which: IntArray) -> SurfaceAtSites:
@@ -418,12 +419,13 @@ class SurfaceAtSites:
 
 
 class Faces(Entities):
-    """Faces of one rank that can be struck: outer facets, or the cells of a sheet (`sheet`)."""
+    """F faces of one rank that can be struck: outer facets, or the cells of a sheet (`sheet`)."""
 
     def __init__(self, mesh: Mesh, sheet: bool) -> None:
         self.sheet = sheet
         if sheet:
             count = compat.cell_index_map(mesh.dolfinx).size_local
+            #: (F,) their numbers on this rank
             self.facets: IntArray = np.arange(count, dtype=np.int32)
         else:
             self.facets = np.sort(compat.exterior_facets(mesh.dolfinx))
@@ -474,7 +476,8 @@ class Faces(Entities):
     def contact(
         self, points: Array, directions: Array, radii: Array, labels: IntArray
     ) -> SurfaceAtSites:
-        """Surface within `radii` of sites (P, 3); at edges, of the face most against the impact."""
+        """Surface within `radii` (P,) [m] of sites (P, 3) struck along `directions` (P, 3); at
+        edges, of the face most against the impact. `labels` (F,): integers, one for each face."""
         comm = self.mesh.comm
         count = len(points)
         mean = self.sizes
@@ -614,7 +617,7 @@ def volume_and_surface(mesh: Mesh) -> tuple[float, float]:
 
 
 def _measure(corners: Array, dim: int) -> float:
-    """Total measure of simplices (n, dim + 1, 3), of quadrilaterals or of hexahedra."""
+    """Total length, area or volume of simplices (n, dim + 1, 3), quadrilaterals or hexahedra."""
     if not len(corners):
         return 0.0
 
