@@ -49,11 +49,12 @@ def in_space(point: ArrayLike) -> Array:
 
 
 def _checked_point(name: str, value: object) -> tuple[float, ...]:
+    """Two or three checked coordinates as three; z = 0 if it is missing."""
     return tuple(in_space(coordinates(name, value)).tolist())
 
 
 def checked_axis(name: str, value: object) -> tuple[float, ...]:
-    """The direction of an axis, or InputError."""
+    """A direction of three numbers, of any length; InputError for the zero vector."""
     axis = floats(name, value, (3,))
     if not np.linalg.norm(axis):
         raise InputError(f"{name} must not be the zero vector.")
@@ -170,7 +171,8 @@ class DofPlaces:
         return replace(self, nodes=at.placed(self.nodes), axes=self.axes @ at.rotation.T)
 
     def rigid_motions(self, centre: Array, rows: IntArray | slice = slice(None)) -> Array:
-        """Unit translations along x, y, z and rotations about `centre` (3,): (dofs, 6)."""
+        """Unit translations along x, y, z and unit rotations about `centre` (3,) [m]: (dofs, 6), of
+        the dofs `rows`; 0 for amplitudes."""
         axes = self.axes[rows]
         is_translation = self.kind[rows] == MOVE
         arms = self.nodes[self.node[rows][is_translation]] - centre
@@ -181,7 +183,8 @@ class DofPlaces:
         return result
 
     def polynomials(self, comm: MPI.Comm, centre: Array, size: float) -> Array:
-        """Fields (dofs, k) of degree <= 2 in (x − centre)/size; rotations are half their curl."""
+        """Displacement fields (dofs, k) of degree <= 2 in (x − `centre`)/`size`, along all axes of
+        displacements; rotations are half their curl. `centre` (3,), `size`: m."""
         s = (self.nodes - centre) / size
         axes = np.flatnonzero(comm.allreduce(self.axes[self.kind == MOVE].any(axis=0)))
         powers: list[tuple[int, ...]] = [(), *((j,) for j in axes)]
@@ -205,7 +208,7 @@ class DofPlaces:
 
 
 def checked_placement(name: str, at: Placement | Sequence[float] | None) -> Placement:
-    """`at` as a Placement; 2 or 3 numbers are a translation."""
+    """`at` as a Placement of the part `name`; 2 or 3 numbers are a translation, None is none."""
     if at is None:
         return Placement()
     if isinstance(at, Placement):
@@ -288,14 +291,19 @@ INDEFINITE_MESSAGE = (
 )
 #: Steps of refinement of K's null vectors, whose error is rounding of solves, each a tenth of it.
 REFINEMENT_STEPS = 4
-#: A first shift that is more than this too high is replaced: Krylov spaces then converge slowly.
+#: A shift is replaced if a closer one is below this share of it: Krylov spaces converge slowly.
 SHIFT_EXCESS = 0.1
 
 
 def modes_and_shift(
     K: Matrix, M: Matrix, null_vectors: Array | None
 ) -> tuple[Array, float, Solver | None]:
-    """(M-orthonormal null vectors of K (rows, r), shift [rad²/s²], solver if K is regular)."""
+    """(M-orthonormal null vectors of K (rows, r), shift [rad²/s²], solver of K or None).
+
+    A regular K gives (r = 0, shift 0, its solver), a singular one the shift 0.1 × first elastic ω²
+    and None. `null_vectors` (rows, r): a basis of the null space; None: it is not known. InputError
+    for an indefinite K, and if `null_vectors` are not as many as K has.
+    """
     comm = communicator(K)
     n = algebra.rows(K)
     regular = _solver_unless_singular(comm, K) if null_vectors is None else None
@@ -368,11 +376,12 @@ def _solver_unless_singular(comm: MPI.Comm, K: Matrix) -> Solver | None:
 
 
 def _rigid_energy_limit(K: Matrix) -> float:
-    """Largest xᵀKx/xᵀDx, D = diag(K), of a rigid motion x; less if K x is computed from strains."""
+    """Largest xᵀKx/xᵀDx, D = diag(K), of a rigid motion x; smaller if K x is from strains."""
     return RIGID_FORCE**2 if uses_strains(K) else RIGID_FORCE
 
 
 def _solver(A: Matrix) -> Solver:
+    """A solver of A for inverse iteration, without rigid motions or a coarser space."""
     return solver_for(A, "auto", lambda: np.zeros((algebra.rows(A), 0)))
 
 
@@ -395,7 +404,11 @@ def orthonormal_basis(comm: MPI.Comm, M: Matrix, block: Array, into: Array | Non
 
 
 def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
-    """Shift [rad²/s²]: 0.1 × first elastic ω², by inverse iteration; inf if all is rigid."""
+    """Shift [rad²/s²]: 0.1 × first elastic ω², by inverse iteration; inf if all is rigid.
+
+    `factor`: solver of K + s M at some s > 0; `motions` (rows, r): M-orthonormal rigid
+    motions. AccuracyError if rounding hides the first elastic ω².
+    """
     comm = factor.comm
     x = np.random.default_rng(comm.rank).standard_normal((len(motions), 3))
 
@@ -534,13 +547,15 @@ class StructureMatrices:
         raise InputError("matrices have no material: give E, nu and rho.")
 
     def uniform_inertia(self, direction: Array) -> Array | None:
-        """M e (rows,) of a unit translation e along `direction` (3,); None without coordinates."""
+        """M e (rows,) of the translation e by the vector `direction` (3,); None if the mass of some
+        dofs is not known."""
         floats("direction", direction, (3,))
         return None
 
     @property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
-        """(inertia, M r (rows, 6) for rigid motions r) of a free body; None for other bodies."""
+        """(inertia, M r (rows, 6) for rigid motions r) of a body with rigid-body modes; None for
+        others, and if the mass of some dofs is not known."""
         return None
 
     def dissipation(self) -> list[Dissipation]:
@@ -548,12 +563,13 @@ class StructureMatrices:
         return [] if self.C is None else [Dissipation(matrix=self.C)]
 
     def loss_stiffness(self, V: Array) -> Array | None:
-        """Σ η VᵀKV (k, k) over the materials; None without loss factors."""
+        """Σ η VᵀKV (k, k) over the materials with loss factors η, for motions V (rows of this rank,
+        k); None without loss factors."""
         return None
 
     @property
     def prestress_text(self) -> str:
-        """Text on the prestress for descriptions; "" without one."""
+        """Text on the prestress, after a comma, for descriptions; "" without one."""
         return "" if self.preload is None else f", {self.preload.words}"
 
     def describe(self, dofs: int) -> str:
@@ -569,7 +585,7 @@ COORDINATE_ROUNDING = 1e-4
 class NodalMatrices(StructureMatrices):
     """K and M from another program, with the node and direction of each row."""
 
-    map: DofMap = field(kw_only=True)
+    map: DofMap = field(kw_only=True)  # of the n rows of K and M
 
     nodal: ClassVar[bool] = True
 
@@ -603,7 +619,8 @@ class NodalMatrices(StructureMatrices):
 
     @cached_property
     def _motions(self) -> tuple[Array, Array] | None:
-        """(reference point (3,), rigid motions r (rows, 6)); None unless K r = 0."""
+        """(reference point (3,) [m], rigid motions r (rows, 6)); None unless K r = 0, and if a row
+        lacks direction or coordinates."""
         component = self.map.component
         points = self.map.points
         is_motion = (component >= 1) & (component <= 6)

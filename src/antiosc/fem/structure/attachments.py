@@ -57,6 +57,7 @@ NAME_CHECK = checked_by(text)
 
 
 def _checked_inertia(name: str, value: object) -> float | tuple[float, ...]:
+    """One or three moments of inertia >= 0 [kg m²], checked."""
     values = floats(name, value, None)
     if values.shape not in ((), (3,)) or (values < 0).any():
         raise InputError(f"inertia must be >= 0, one number or three [kg m²]; got {shown(value)}.")
@@ -85,6 +86,7 @@ def by_components(
 
 
 def _some_components(name: str, values: object, kind: str) -> dict[str, float]:
+    """As `by_components`; InputError for an empty dict."""
     by_component = by_components(name, values, kind)
     if not by_component:
         raise InputError(f"a {kind} needs a {name}, as in {kind}(where, {{'z': 1e5}}).")
@@ -223,7 +225,8 @@ def terms_of(
     plane: bool,
     places: Callable[[str | Sequence[float]], Sequence[PointMotion]],
 ) -> list[ElasticTerm]:
-    """Terms of an attachment. `places(where)`: motions of points; `plane`: masses in x, y, rz."""
+    """Terms of an attachment, one for each point where it acts. `places(where)`: motions of these
+    points; `plane`: masses act in x, y, rz alone. InputError for components that a point lacks."""
     if isinstance(attached, PointMass):
         inertia = np.broadcast_to(attached.inertia, (3,)).tolist()
         values = dict(zip(COMPONENTS, [*[attached.mass] * 3, *inertia], strict=True))
@@ -269,7 +272,8 @@ def terms_of(
 
 
 def add_projected(matrix: PETSc.Mat, G: Sparse, values: Array) -> None:
-    """Add Gᵀ diag(values) G to the entries of a distributed matrix. Collective."""
+    """Add Gᵀ diag(values) G to the entries of a distributed matrix; `G` (j, rows of this rank),
+    `values` (j,). Collective."""
     if not values.any():
         return
     comm = matrix.getComm().tompi4py()
@@ -288,7 +292,8 @@ def add_projected(matrix: PETSc.Mat, G: Sparse, values: Array) -> None:
 def attachment_motions(
     mesh: Mesh, form: WeakForm, fixed: IntArray, where: str | Sequence[float]
 ) -> list[PointMotion]:
-    """The motions of the points of a mesh at which an attachment acts; 0 at fixed dofs."""
+    """The motions of the points of a mesh at which an attachment acts, without `fixed` dofs (local
+    numbers). InputError for a group of other entities, and points off the structure."""
     if isinstance(where, str):
         group = mesh.group(where)
         if set(group) != {0}:
@@ -350,7 +355,8 @@ class Stiffener:
 def beams_on(
     mesh: Mesh, sheet: WeakForm, fixed: IntArray, name: str, beam: Beam, edges: IntArray
 ) -> Stiffener:
-    """The stiffener `beam` on `edges`, entities of this rank in the sheet's group `name`."""
+    """The stiffener `beam` on `edges`, entities of this rank in the sheet's group `name`; `fixed`:
+    local numbers of the sheet's fixed dofs."""
     if mesh.cell == "quadrilateral" and mesh.order > 1:
         raise InputError(f"beams on curved quadrilaterals (group {name!r}): use triangles.")
     if not beam.shear:
@@ -372,7 +378,7 @@ def beams_on(
 
 
 def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
-    """A mesh in space of some edges, curved as they are in the sheet."""
+    """A mesh `name` in space of `edges`, local numbers, curved as they are in the sheet."""
     cell, number = cells_at(mesh, 1, owned_entities(mesh, 1, edges))
     between = [[*ends, middle] for ends, middle in compat.nodes_between(mesh.cell) if len(ends) < 3]
     places = np.array(between)[number, : mesh.order + 1]

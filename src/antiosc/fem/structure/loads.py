@@ -38,7 +38,7 @@ MISSING_SHARE = 1e-6
 class Points:
     """n weighted points in cells of this rank."""
 
-    site: IntArray  # (n,) number of the site of each point
+    site: IntArray  # (n,) number of the site of each point, 0 to P − 1
     #: cell, X: (n,) cell of this rank and (n, tdim) reference coordinates in it
     cell: IntArray
     X: Array
@@ -52,8 +52,11 @@ class Points:
 
 
 def loads(comm: MPI.Comm, form: WeakForm, points: Points, directions: Array) -> Sparse:
-    """Load vectors of P sites as columns (rows of this rank, P), fixed dofs included;
-    `directions`: unit forces (P, 3), or forces and moments (P, 6)."""
+    """Load vectors of P sites as columns (rows of this rank, P), fixed dofs included.
+
+    `directions`: forces (P, 3), or forces and moments (P, 6); parts along components that nodes do
+    not have are left out.
+    """
     rows = [np.zeros(0, dtype=np.int32)]
     sites = [np.zeros(0, dtype=int)]
     values = [np.zeros(0)]
@@ -128,7 +131,7 @@ class PointMotion:
         return bool(direction @ self.space @ direction > 1 - MISSING_SHARE)
 
     def components(self, names: Sequence[str]) -> Sparse:
-        """Functionals of the named displacements and rotations."""
+        """Functionals (k, n) of the k named displacements and rotations."""
         return self.functionals[[COMPONENTS.index(name) for name in names]]
 
     def lacking(self, names: Sequence[str]) -> list[str]:
@@ -141,7 +144,7 @@ class PointMotion:
         return bool(np.abs(missing_rotations).max() <= MISSING_SHARE)
 
     def at(self, point: Array) -> PointMotion:
-        """The motion of a point that is rigidly connected to this one."""
+        """The motion of a `point` (3,) that is rigidly connected to this one."""
         displacements = self.displacements_at(point[None])
         return replace(self, functionals=stacked_rows(displacements, self.rotations), point=point)
 

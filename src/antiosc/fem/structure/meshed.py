@@ -128,7 +128,7 @@ class Member:
 
     @cached_property
     def connected(self) -> IntArray:
-        """Number of the connected body to which each node belongs (nodes,)."""
+        """Number (nodes,), from 0 on, of the connected piece to which each node belongs."""
         space = self.part.form.space
         count_cells = compat.cell_index_map(self.part.mesh.dolfinx).size_local
         (path, *_) = self.part.form.components.values()
@@ -142,11 +142,11 @@ class Member:
         return np.asarray(scipy.sparse.csgraph.connected_components(graph, directed=False)[1])
 
     def closest(self, points: Array) -> ClosestPoints:
-        """The closest points of the part to points (n, 3) of the assembly."""
+        """The closest points of the part, in its own axes, to points (n, 3) of the assembly."""
         return closest_many(self.part.mesh, self.at.own(points))
 
     def nodes_of(self, where: str | NumberedNodes) -> IntArray:
-        """Displacement nodes of the part in a group, or with given numbers in its file."""
+        """Numbers (rows of `nodes`) of the nodes in a group, or with given numbers in the file."""
         form = self.part.form
         mesh = self.part.mesh
         parts = mesh.group(where) if isinstance(where, str) else where.entities(mesh)
@@ -154,7 +154,7 @@ class Member:
         return np.unique(np.asarray(dofs) // self.block)
 
     def points_of(self, group: str) -> WeightedPoints:
-        """Quadrature points on the highest-dimensional entities of a group, in the assembly."""
+        """Quadrature points on the highest-dimensional entities of a group; `x` in the assembly."""
         mesh = self.part.mesh
         points = quadrature(mesh, *largest_entities(mesh, group), GROUP_DEGREE)
         return replace(points, x=self.at.placed(points.x))
@@ -192,7 +192,7 @@ class PartsMatrices(StructureMatrices):
         return [(member, u[member.rows]) for member in members]
 
     def dashpots(self) -> list[Dissipation]:
-        """Damping terms of dashpots and Maxwell branches."""
+        """Damping terms on q of dashpots and Maxwell branches."""
         raise NotImplementedError
 
     def on_q(self, member: Member, matrix: PETSc.Mat) -> PETSc.Mat:
@@ -239,7 +239,7 @@ class MeshedStructure(PartsMatrices):
     total_mass: float  # with attachments and stiffeners [kg]
     #: M e for unit accelerations e along x, y, z, of the attachments alone (rows of this rank, 3)
     attached_inertia: Array
-    #: function that assembles the same part on another mesh or with other supports
+    #: function (mesh[, supports]) that assembles the same part on another mesh or other supports
     reassembled: Callable[..., MeshedStructure]
     supports: Sequence[Support] = ()
     #: the beams on the edges of a sheet, by group
@@ -361,7 +361,8 @@ class MeshedStructure(PartsMatrices):
         return loads
 
     def surface_below(self, points: Array, directions: Array, radii: Array) -> SurfaceAtSites:
-        """Surface at points (P, 3) struck along `directions`; `radii` [m] of patches, or NaN."""
+        """Surface at points (P, 3) struck along `directions` (P, 3); `radii` (P,) [m] of patches,
+        NaN for sites that are points."""
         reach = np.where(np.isfinite(radii), radii, SURFACE_TOLERANCE * self.mesh.extent())
         return self.faces.contact(points, directions, reach, np.zeros(len(self.faces), dtype=int))
 
@@ -371,7 +372,7 @@ class MeshedStructure(PartsMatrices):
             return self.reassembled(self.mesh, ())
 
     def part_of_cells(self) -> IntArray:
-        """Number in `parts` of the material of each cell of this rank, ghosts included."""
+        """Index (cells,) in `parts` of the material of each cell of this rank, ghosts included."""
         imap = compat.cell_index_map(self.mesh.dolfinx)
         part = np.zeros(imap.size_local + imap.num_ghosts, dtype=int)
         for number, (_, cells) in enumerate(self.parts):
@@ -407,7 +408,7 @@ class MeshedStructure(PartsMatrices):
 
     def stiffnesses(self, name: str) -> list[tuple[int | str, Material, PETSc.Mat]]:
         """[(owner, material, K)] of materials with the property `name`; owner: index in `parts`, or
-        group of the stiffener."""
+        group of the stiffener; K: stiffness of the cells of the material, 0 at fixed dofs."""
         result: list[tuple[int | str, Material, PETSc.Mat]] = []
         for number, (material, cells) in enumerate(self.parts):
             if getattr(material, name, None):
@@ -458,7 +459,7 @@ LINE_TOLERANCE = 1e-6
 def cells_and_stiffeners(
     mesh: Mesh, material: object
 ) -> tuple[object, list[tuple[str, Beam, IntArray]]]:
-    """(materials of cells, [(group, beam, edges)] of beams on edges of a sheet)."""
+    """(material of the cells, for `parts_of`; [(group, beam, local edges)] of beams on edges)."""
     if not isinstance(material, Mapping) or mesh.tdim != 2:
         return material, []
 
@@ -486,7 +487,7 @@ def cells_and_stiffeners(
 
 
 def parts_of(mesh: Mesh, material: object) -> Parts:
-    """[(material, cells of this rank)]; InputError unless every cell has one material."""
+    """[(material, cells of this rank, ghosts included)]; InputError unless every cell has one."""
     imap = compat.cell_index_map(mesh.dolfinx)
     n_cells = imap.size_local + imap.num_ghosts
     if not isinstance(material, Mapping):
@@ -521,7 +522,7 @@ def parts_of(mesh: Mesh, material: object) -> Parts:
 
 
 def _family(material: object) -> Family:
-    """Returns `material`; InputError if it is not a material."""
+    """The `material` itself; InputError if it is not one."""
     if isinstance(material, type) or not isinstance(material, Family):
         raise InputError(
             "material must be a Solid, Shell, Laminate, Beam or Truss, or a dict of them; got "
@@ -659,7 +660,7 @@ def assembled_part(
 def _stretched(
     mesh: Mesh, form: WeakForm, fixed: IntArray, materials: Sequence[Material]
 ) -> tuple[float | None, bool]:
-    """(thickness [m] of a sheet or thin solid, else None; whether its supports lie on a line)."""
+    """(thickness [m] of a sheet or thin solid, else None; whether its supports lie on one line)."""
     sheet = materials[0].kind.sheet
     if sheet:
         thickness = float(min(material.section.thickness for material in materials))

@@ -48,8 +48,8 @@ class Place:
 def places_at(
     parts: Iterable[Member], points: Array, directions: Array | None = None
 ) -> list[Place]:
-    """The nearest place of any part to each of points (P, 3) [m]; where parts touch, on the
-    part that most faces the impact."""
+    """The nearest place of any part to each of points (P, 3) [m]; where parts touch, on the part
+    that most faces the impact. `directions` (P, 3): of the impacts, in the structure's axes."""
     members = list(parts)
     nearest = [member.closest(points) for member in members]
     distance = np.array([found.distance for found in nearest])

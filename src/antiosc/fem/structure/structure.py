@@ -58,7 +58,7 @@ MIRROR_TOLERANCE = 1e-9
 ENTRY_ROUNDING = 1e-15
 #: Diagonal entry of a held dof over its row's others: it moves 1e-14 of what its neighbours do.
 PENALTY_OVER_ROW = 1e14
-#: Diagonal entry of a held dof over the typical diagonal entry of all rows.
+#: Diagonal entry of a held dof over the typical (median) off-diagonal entry of all rows.
 PENALTY_OVER_TYPICAL = 1e12
 #: A coupling that leaves less than four digits of what is coupled.
 DOMINANT_RATIO = 1e12
@@ -120,6 +120,7 @@ def _csr_of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
 
 
 def _check_values(name: str, values: Array) -> None:
+    """InputError for entries (n,) that are not finite, too large, or all too small."""
     if not np.isfinite(values).all():
         raise InputError(f"{name} holds NaN or infinite entries; antiosc needs finite matrices.")
     largest = np.abs(values).max(initial=0.0)
@@ -140,7 +141,10 @@ def matrices_of_pair(
     rigid_modes: ArrayLike | None,
     C: Matrix | None = None,
 ) -> tuple[StructureMatrices, Solver | None]:
-    """(checked matrices with supports and null vectors of K, solver of K or None if singular)."""
+    """(checked matrices with supports and null vectors of K, solver of K or None if singular).
+
+    Arguments as of `Structure.from_matrices`; `rows`: its map, None: none is given.
+    """
     K, M, fixed = with_supports(K, M)
 
     if supports is not None:
@@ -162,7 +166,8 @@ def matrices_of_pair(
 
 
 def _checked_damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
-    """C with zero rows at fixed dofs; InputError if it is not a damping matrix."""
+    """C with zero rows and columns at `fixed` dofs (local numbers); InputError if its size is not
+    that of K, or it is unsymmetric."""
     if algebra.size(C) != algebra.size(K) or algebra.row_range(C) != algebra.row_range(K):
         raise InputError(
             f"C must have the size of K; got {algebra.size(C)} rows for {algebra.size(K)}."
@@ -174,7 +179,7 @@ def _checked_damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
 
 
 def with_supports(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
-    """(K, M, fixed dofs of this rank): penalties on K's diagonal are replaced by supports."""
+    """(K, M, local numbers of fixed dofs): penalties on K's diagonal are replaced by supports."""
     comm = communicator(K)
     same_rows = algebra.size(K) == algebra.size(M) and same_ranks(comm, communicator(M))
     if not same_rows or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
@@ -200,7 +205,8 @@ def with_supports(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
 
 
 def _checked_diagonal(name: str, matrix: Matrix) -> Array:
-    """The whole diagonal (n,) on every rank; InputError if the matrix is unsymmetric or zero."""
+    """The whole diagonal (n,) on every rank; InputError if the matrix is unsymmetric, zero on the
+    diagonal, or negative there."""
     comm = communicator(matrix)
     diagonal = np.concatenate(comm.allgather(algebra.diagonal(matrix)))
     if not diagonal.any():
@@ -225,7 +231,7 @@ def _checked_diagonal(name: str, matrix: Matrix) -> Array:
 
 
 def _entries(matrix: Matrix) -> Entries:
-    """(row, column, value) of the off-diagonal entries on this rank."""
+    """(row, column, value) of the off-diagonal entries on this rank, in global numbers."""
     pointers, column, value = algebra.entries(matrix)
     row = algebra.row_range(matrix)[0] + np.repeat(np.arange(len(pointers) - 1), np.diff(pointers))
     off_diagonal = (row != column) & (value != 0)
@@ -242,7 +248,8 @@ def _refuse_entries(comm: MPI.Comm, bad: BoolArray, entries: Entries, text: str)
 
 
 def _penalised_dofs(K: Matrix, diagonal: Array) -> IntArray:
-    """Dofs that penalties on K's `diagonal` fix; InputError for a penalty that couples two dofs."""
+    """Dofs, by global number, that penalties on K's `diagonal` (n,) fix; InputError for a penalty
+    that couples two dofs."""
     comm = communicator(K)
     row, column, value = _entries(K)
     size = np.abs(value)
@@ -391,8 +398,9 @@ class Structure(ReprMixin):
         Parameters
         ----------
         K, M : SciPy sparse, dense or PETSc matrix (n, n)
-            Symmetric and positive semidefinite, in SI units. Diagonal entries of K of at least 1e14
-            times the rest of their rows are penalties: their dofs are fixed.
+            Symmetric and positive semidefinite, in SI units. Diagonal entries of K above 1e14 times
+            the rest of their rows, and 1e12 times the typical off-diagonal entry, are penalties:
+            their dofs are fixed.
         C : matrix (n, n), optional
             Damping [N s/m], symmetric and positive semidefinite, of any strength: models contain
             it as a `DampingMatrix`.
@@ -484,6 +492,7 @@ class Structure(ReprMixin):
         start_time: float,
         damping: Matrix | None = None,
     ) -> Structure:
+        """The structure of checked K, M and C; `start_time` [s]: time at which reading began."""
         matrices, factor = matrices_of_pair(*pair, rows, supports, rigid_modes, damping)
         self = structure_with(matrices, start_time)
 
@@ -525,8 +534,8 @@ class Structure(ReprMixin):
         """The one solver of K + shift·M that every site and every mode of this structure uses.
 
         The first call makes it, and later calls return it. `columns` is the number of right-hand
-        sides of one solve; inf requires a direct factor. If a call requests more columns than the
-        solver was chosen for, a solver is chosen anew.
+        sides of one solve; with inf the solver "auto" is a factor wherever it fits in memory. If a
+        call requests more columns than the solver was chosen for, a solver is chosen anew.
         """
         columns = columns if checks.is_rigid(columns) else checks.positive("columns", columns)
         if self._factored is not None and self._factored[0].columns < columns:
@@ -542,7 +551,10 @@ class Structure(ReprMixin):
         return self._factored[0]
 
     def factorize_at(self, shift: float, columns: float = 1.0) -> Solver:
-        """A solver of K + shift·M for `columns` loads, `shift` in rad²/s²; the last one is kept."""
+        """A solver of K + shift·M for `columns` loads at once, `shift` > 0 in rad²/s².
+
+        The last one is kept and returned for the same shift, whatever the number of loads.
+        """
         shift = checks.positive("shift", shift, "rad²/s²")
         columns = columns if checks.is_rigid(columns) else checks.positive("columns", columns)
 

@@ -55,7 +55,7 @@ class Support(FieldsRepr):
         or one of `near`, `box` and `plane`, which select nodes by their coordinates, with a
         tolerance of a millionth of the mesh's size.
     fix
-        "all", or the fixed components: of "x", "y", "z" (displacements) and, for beams,
+        "all", or the fixed components: of "x", "y", "z" (displacements) and, for beams and shells,
         "rx", "ry", "rz" (rotations); one name or several.
     near
         (point, radius): nodes in a ball, m.
@@ -124,7 +124,8 @@ class Support(FieldsRepr):
         return fixed
 
     def selected(self, x: Array, **size: float) -> BoolArray:
-        """Mask of the points x (n, 3) that the function `where` selects."""
+        """Mask (n,) of the points x (n, 3) that the function `where` selects; `size`: extent of the
+        mesh [m], for a `Region`. InputError if the function returns another shape."""
         assert callable(self.where)
         mask = np.asarray(self.where(x.T, **size), dtype=bool)
         if mask.shape != (len(x),):
@@ -169,6 +170,7 @@ def fixed_dofs(
 def _dofs_of_support(
     mesh: Mesh, form: WeakForm, support: Support, path: tuple[int, ...]
 ) -> IntArray:
+    """This rank's dofs, ghosts included, of the component `path` that a support selects."""
     if isinstance(support.where, str):
         return dofs_of_entities(mesh, form, mesh.group(support.where), path)
     if isinstance(support.where, NumberedNodes):
@@ -254,6 +256,7 @@ def ball_region(value: object) -> Region:
 
 
 def _outside_ball(centre: Array, radius: float, x: Array) -> Array:
+    """Distance (n,) [m] of points x (3, n) from a ball; negative inside."""
     return np.asarray(np.linalg.norm(x - centre[:, None], axis=0) - radius)
 
 
@@ -271,6 +274,7 @@ def box_region(value: object) -> Region:
 
 
 def _outside_box(lower: Array, upper: Array, x: Array) -> Array:
+    """Distance (n,) [m] along an axis by which points x (3, n) lie outside; negative inside."""
     return np.asarray(np.maximum(lower[:, None] - x, x - upper[:, None]).max(axis=0))
 
 
@@ -291,10 +295,12 @@ def plane_region(value: object) -> Region:
 
 
 def _outside_plane(point: Array, normal: Array, x: Array) -> Array:
+    """Distance (n,) [m] of points x (3, n) from a plane with a unit normal."""
     return np.asarray(np.abs(normal @ (x - point[:, None])))
 
 
 def _pair(name: str, value: object, form: str) -> tuple[object, object]:
+    """The two items of `value`; InputError, with the expected `form`, unless it has two."""
     if not isinstance(value, list | tuple) or len(value) != 2:
         raise InputError(f"{name} must be a pair {form}; got {shown(value)}.")
     return value[0], value[1]
@@ -311,7 +317,11 @@ DOMINATED_SHARE = 1e-14
 def modes_and_shift(
     form: WeakForm, fixed: IntArray, K: PETSc.Mat, M: PETSc.Mat, springs: Array
 ) -> tuple[Array, float]:
-    """(M-orthonormal rigid-body modes (rows, r) that no spring resists, shift [rad²/s²])."""
+    """(M-orthonormal rigid-body modes (rows, r) that no spring resists, shift [rad²/s²]).
+
+    Without such modes the shift is 0. `fixed`: local numbers of dofs; `springs` (rows, s): force
+    patterns of springs to the ground. AccuracyError if a rigid motion strains the structure.
+    """
     comm: MPI.Comm = K.getComm().tompi4py()
     modes = _vanishing_combinations(comm, rigid_motions(form, K), fixed, springs)
     modes = orthonormal_basis(comm, M, modes)
@@ -352,7 +362,8 @@ def places_of(form: WeakForm) -> DofPlaces:
 def _vanishing_combinations(
     comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array
 ) -> Array:
-    """Combinations (rows, r) of `fields` (rows, k), zero at `fixed` dofs, that strain no spring."""
+    """Combinations (rows, r) of `fields` (rows, k), zero at `fixed` dofs, that strain none of the
+    `springs` (rows, s)."""
     scale = norms(comm, fields)
     if not scale.all():
         fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x
@@ -374,7 +385,8 @@ def _vanishing_combinations(
 def first_elastic_estimate(
     comm: MPI.Comm, K: PETSc.Mat, M: PETSc.Mat, fields: Array, motions: Array
 ) -> float:
-    """Rayleigh–Ritz estimate of the lowest elastic ω² from `fields` (rows, k), overwriting them."""
+    """Rayleigh–Ritz estimate of the lowest elastic ω² [rad²/s²] from `fields` (rows, k), which are
+    overwritten; `motions` (rows, r): M-orthonormal rigid motions."""
     shares = dot(comm, multiply(M, motions), fields)
     count = 0
     for column, share in zip(fields.T, shares.T, strict=True):
