@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 def _vector(name: str, value: object, unit: str) -> tuple[float, ...]:
-    """A checked vector of three numbers; two numbers, of a plane part, get a zero third one."""
+    """A checked vector of three numbers in `unit`; two numbers, of a plane part, get a third, 0."""
     components = coordinates(name, value, unit)
     return (*components, 0.0)[:3]
 
@@ -31,12 +31,12 @@ def _axis(name: str, value: object) -> tuple[float, ...]:
 
 
 def _numbers_by_names(name: str, value: object, unit: str) -> dict[str, float]:
-    """Checked numbers by name."""
+    """Checked numbers, in `unit`, by name."""
     return {key: number(f"the {name} on {key!r}", item, unit) for key, item in _items(name, value)}
 
 
 def _vectors_by_names(name: str, value: object) -> dict[str, tuple[float, ...]]:
-    """Checked force vectors by name."""
+    """Checked force vectors [N] by name."""
     return {key: _vector(f"the {name} on {key!r}", item, "N") for key, item in _items(name, value)}
 
 

@@ -79,7 +79,10 @@ MOST_RESTARTS = 12
 
 
 class LoadedPart:
-    """Forces and tangent stiffness by second-order and initial strains, pressure and spin."""
+    """Forces and tangent stiffness by second-order and initial strains, pressure and spin.
+
+    `initial`: group of beams or bars -> stress-free strain of its cells.
+    """
 
     def __init__(
         self, part: MeshedStructure, loads: Prestress, initial: Mapping[str, float]
@@ -121,7 +124,8 @@ class LoadedPart:
         self._geometric = sum([of_stress, *slopes[1:]])
 
     def forces(self, u: Array) -> Array:
-        """dΠ/du (rows of this rank,) at u, Π: energy added to uᵀKu/2; 0 on fixed dofs."""
+        """dΠ/du (rows of this rank,) [N, N m] at u (rows,), Π: energy added to uᵀKu/2, without dead
+        forces; 0 on fixed dofs."""
         self._move(u)
         total = compat.assemble_functional(self._forces, self.part.form.space)[: len(u)]
         return zero_on_fixed(self.part, total)
@@ -134,7 +138,7 @@ class LoadedPart:
         return compat.assemble([form], part.form.space, part.conditions, 0.0)
 
     def _move(self, u: Array) -> None:
-        """Set the displacements at which forms are evaluated."""
+        """Set the displacements u (rows of this rank,) at which forms are evaluated."""
         self._u.x.array[: len(u)] = u
         self._u.x.scatter_forward()
 
@@ -146,7 +150,10 @@ def zero_on_fixed(part: MeshedStructure, forces: Array) -> Array:
 
 
 def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
-    """Initial strain of each cell as a cell-wise constant function."""
+    """Stress-free strain of each cell, from that of groups, as a cell-wise constant function.
+
+    InputError for a group without cells of beams or bars.
+    """
     strain_of_cells = compat.cellwise_function(part.mesh.dolfinx)
     for group, strain in initial.items():
         dim, cells = largest_entities(part.mesh, group)
@@ -175,7 +182,7 @@ def tendon(part: MeshedStructure, name: str) -> tuple[Array, float, float]:
 
 
 def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
-    """Constant forces on groups (rows of this rank,), also on fixed dofs."""
+    """The forces on groups of `loads.force` alone, (rows of this rank,), also on fixed dofs."""
     forces = np.zeros(part.rows)
     for group, resultant in loads.force.items():
         force = np.array(resultant)
@@ -191,7 +198,10 @@ def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
 
 
 def _loaded_points(part: MeshedStructure, group: str) -> Points:
-    """Points of a group over which a force is distributed evenly; InputError for edges."""
+    """Points of a group over which a force is distributed evenly, of weights whose sum is 1.
+
+    InputError for edges of volumes, and for faces inside the part.
+    """
     mesh = part.mesh
     dim, entities = largest_entities(mesh, group)
     if dim not in (0, mesh.tdim - 1, mesh.tdim):
@@ -231,7 +241,8 @@ def measure_on(mesh: Mesh, dim: int, entities: IntArray) -> tuple[Expr, ufl.Meas
 def pressure_energy(
     mesh: Mesh, parts: Parts, u: Expr, where: tuple[str, int, IntArray]
 ) -> ufl.Form:
-    """Work of a unit pressure to second order in u; `where`: group, dimension, entities."""
+    """Work of a unit pressure, inward on solids and toward the top of sheets, to second order in u;
+    `where`: group, dimension, local entities. InputError for other entities."""
     group, dim, entities = where
     sheet = parts[0][0].kind.sheet
     if dim != (mesh.tdim if sheet else mesh.tdim - 1) or mesh.tdim == 1:
@@ -276,7 +287,8 @@ def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) ->
 
 
 def _mass_fibres(mesh: Mesh, parts: Parts) -> list[tuple[Expr, Expr, Expr]]:
-    """(direction, ∫ρ z, ∫ρ z²) for each direction z across the sections or the thickness."""
+    """(unit vector (3,), ∫ρ z, ∫ρ z²) (UFL) for each direction across the sections or thickness; z:
+    coordinate along it; integrals per cell measure."""
     material = parts[0][0]
     if material.kind.sheet:
         section = section_fields(mesh, parts)
@@ -295,7 +307,8 @@ def _mass_fibres(mesh: Mesh, parts: Parts) -> list[tuple[Expr, Expr, Expr]]:
 
 
 def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
-    """`base` under `prestress`, with its tangent stiffness as K; InputError beyond buckling."""
+    """`base` under `prestress`, with its tangent stiffness as K; InputError for a part with
+    rigid-body modes, and beyond buckling."""
     loads = instance("prestress", prestress, Prestress, "a Prestress(spin=…, tension=…, …)")
     if base.rigid_modes.shape[1]:
         raise InputError(
@@ -333,7 +346,8 @@ def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
 def tendon_strains(
     part: MeshedStructure, tensions: Mapping[str, float], solver: Solver
 ) -> dict[str, float]:
-    """Initial strain of each tendon such that all tendons together have the `tensions` [N]."""
+    """Stress-free strain of each group such that all groups together have the `tensions` [N], in
+    linear theory; `solver`: of K without loads. InputError if nothing holds the ends of a group."""
     if not tensions:
         return {}
     pulls, lengths, stiffnesses = zip(*(tendon(part, name) for name in tensions), strict=True)
@@ -350,7 +364,8 @@ def tendon_strains(
 def equilibrium(
     part: MeshedStructure, loaded: LoadedPart, dead: Array, elastic: Solver
 ) -> tuple[Array, PETSc.Mat, Solver]:
-    """(displacements q, tangent stiffness K, its solver); InputError beyond buckling."""
+    """(displacements q (rows of this rank,), tangent stiffness K, its solver); InputError beyond
+    buckling. `dead` (rows,): constant forces; `elastic`: solver of K without loads."""
     comm = part.comm
     stiffest = max(comm.allgather(diagonal(part.K).max(initial=0.0)))
     rounding = stiffest * (LEAST_MOTION * part.mesh.extent()) ** 2
@@ -381,7 +396,10 @@ def equilibrium(
 
 
 def buckling_factor(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
-    """The smallest λ > 0 for which K + λ geometric is singular; inf above `LARGEST_LOAD_FACTOR`."""
+    """The smallest λ > 0 for which K + λ geometric is singular; inf above `LARGEST_LOAD_FACTOR`.
+
+    `solver`: of K. NotConvergedError if SLEPc finds none.
+    """
     if not geometric.norm():
         return math.inf
 
