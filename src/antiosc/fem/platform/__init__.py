@@ -86,7 +86,10 @@ _packages = threading.RLock()
 
 
 def collective(default: MPI.Comm = WORLD) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Decorator of functions that all ranks call: an error on one rank is raised on all ranks."""
+    """Decorator of functions that all ranks call: an error on one rank is raised on all ranks.
+
+    They are those of the largest communicator of the arguments; of `default` if these have none.
+    """
 
     def guard(function: Callable[P, T]) -> Callable[P, T]:
         guarded_call = within_memory(function)
@@ -201,6 +204,6 @@ def _raise_first(errors: list[Exception | None], local_error: Exception | None) 
 
 
 def bounds(comm: MPI.Comm, x: Array) -> tuple[Array, Array]:
-    """(lowest, highest) coordinates (dim,) of points x (n, dim) over all ranks."""
+    """(lowest, highest) coordinates (dim,) of points x (n, dim) over all ranks; n may be 0."""
     low, high = x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)
     return np.min(comm.allgather(low), axis=0), np.max(comm.allgather(high), axis=0)

@@ -42,7 +42,8 @@ OLD_DOLFINX = DOLFINX_VERSION < (0, 9)
 def create_mesh(
     comm: MPI.Comm, cells: IntArray, x: Array, cell: str, degree: int
 ) -> dolfinx.mesh.Mesh:
-    """A mesh from arrays of rank 0, in dolfinx's order; MeshError if dolfinx would abort."""
+    """A mesh from `cells` (n, nodes) in dolfinx's order and `x` (nodes, gdim) of rank 0, empty on
+    other ranks; MeshError if dolfinx would abort."""
     gdim = x.shape[1]
     corners, inner_nodes = np.split(cells, [CORNER_COUNT[cell]], axis=1)
     double_nodes = comm.allreduce(int(np.isin(inner_nodes, corners).sum()))
@@ -184,7 +185,7 @@ def coordinate_map(mesh: dolfinx.mesh.Mesh) -> dolfinx.fem.CoordinateElement:
 
 
 def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:
-    """Facets that have one cell and are owned by this rank."""
+    """Local numbers of the facets that have one cell and are owned by this rank."""
     dim = mesh.topology.dim
     mesh.topology.create_entities(dim - 1)
     mesh.topology.create_connectivity(dim - 1, dim)
@@ -192,7 +193,7 @@ def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:
 
 
 def refined(mesh: dolfinx.mesh.Mesh, edges: IntArray) -> dolfinx.mesh.Mesh:
-    """A mesh of straight simplices with `edges` halved, and others as needed for conformity."""
+    """A mesh of straight simplices with `edges`, local numbers, halved, and others to conform."""
     refinement = dolfinx.mesh.refine(mesh, np.asarray(edges, dtype=np.int32))
     return refinement if OLD_DOLFINX else refinement[0]
 
@@ -217,7 +218,8 @@ def lagrange_space(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.Funct
 def interpolation_from_linear(
     space: fem.FunctionSpace, linear: fem.FunctionSpace | None = None
 ) -> PETSc.Mat:
-    """Interpolation matrix from the `linear` Lagrange space to the blocked `space` on its mesh."""
+    """Interpolation matrix from the `linear` Lagrange space (None: one is made) to the blocked
+    `space` on its mesh; rows and columns are unrolled dofs."""
     size = space.dofmap.index_map_bs
     linear = linear or lagrange_space(space.mesh, 1, size)
     cells = np.arange(cell_index_map(space.mesh).size_local + cell_index_map(space.mesh).num_ghosts)
@@ -394,7 +396,10 @@ def assemble(
 def strain_matrix(
     strains: Expr, degree: int, space: fem.FunctionSpace, fixed: Mapping[tuple[int, ...], IntArray]
 ) -> PETSc.Mat:
-    """Matrix S with |S u|² = ∫ |strains(u)|², one row for each strain component and Gauss point."""
+    """Matrix S with |S u|² = ∫ |strains(u)|², one row for each strain component and Gauss point.
+
+    `strains`: vector (UFL) of the trial function; `fixed`: as for `assemble`, with zero columns.
+    """
     mesh = space.mesh
     size = len(strains)
     points = _space(mesh, "Quadrature", degree, size)
@@ -410,11 +415,12 @@ def strain_matrix(
 
 
 def assemble_functional(form: ufl.Form, space: fem.FunctionSpace) -> Array:
-    """A linear form as an array over the dofs that this rank owns."""
+    """A linear form as an array over the dofs that this rank owns, summed over the ranks."""
     return _assembled(_compiled(form), local_size(space))
 
 
 def _assembled(form: fem.Form, rows: int) -> Array:
+    """A compiled linear form as an array over the first `rows` dofs, those of this rank."""
     vector = fem.assemble_vector(form)
     vector.scatter_reverse(ADD_GHOSTS)
     return np.array(vector.array[:rows])
@@ -423,7 +429,9 @@ def _assembled(form: fem.Form, rows: int) -> Array:
 def cell_energies(
     forms: Sequence[ufl.Form], space: fem.FunctionSpace, vectors: Array, weights: Array, degree: int
 ) -> Array:
-    """Σ weight × xᵀ A_c x (cells,) over columns x of `vectors`; A_c: cell matrix of `forms`."""
+    """Σ weight × xᵀ A_c x, (cells that this rank owns,), over the columns x of `vectors` (rows of
+    this rank, k) and `weights` (k,); A_c: cell matrix of `forms`, by quadrature of at most
+    `degree`."""
     x = fem.Function(space)
     cell = cellwise_function(space.mesh)
     q = ufl.TestFunction(cell.function_space)
@@ -491,7 +499,7 @@ class Exchange:
         self._vectors: dict[tuple[int, np.dtype], dolfinx.la.Vector] = {}
 
     def fetch(self, values: Array) -> None:
-        """Copy the owners' values to the ghosts."""
+        """Copy the owners' values to the ghosts in `values` (dofs with ghosts[, columns])."""
         if not self._alone:
             vector, copies = self._vector(values)
             copies[self._shared] = values[self._shared]
@@ -499,7 +507,7 @@ class Exchange:
             values[self._owned :] = copies[self._owned :]
 
     def add(self, values: Array) -> None:
-        """Add the values at the ghosts to those of their owners."""
+        """Add the values at the ghosts to those of their owners, in `values` as in `fetch`."""
         if not self._alone:
             vector, copies = self._vector(values)
             copies[self._shared] = values[self._shared]
@@ -525,7 +533,7 @@ class Exchange:
 
 
 def with_ghosts(space: fem.FunctionSpace, block: Array) -> Array:
-    """Columns on the owned dofs of this rank, extended by the values of the ghosts."""
+    """`block` (owned dofs of this rank, k), extended by the values of the ghosts below."""
     if communicator(space.mesh).size == 1:
         return block
 
@@ -539,7 +547,8 @@ def with_ghosts(space: fem.FunctionSpace, block: Array) -> Array:
 
 
 def ghosts_added(space: fem.FunctionSpace, block: Array) -> Array:
-    """Columns on the owned dofs of this rank, with the values at ghosts on other ranks added."""
+    """(owned dofs, k): `block` (dofs of this rank with ghosts, k), with the values at the ghosts on
+    other ranks added."""
     result = np.array(block, dtype=float)
     Exchange(space).add(result)
     return result[: local_size(space)]
