@@ -413,7 +413,7 @@ class _Joined:
 
     constraints: Constraints
     eliminated: Eliminated
-    added: AddedTerms
+    added: AddedTerms  # of joints, attachments and superelements
     motions: Array  # (n, k) of u, without strain, that satisfy the constraints
     bodies: Sequence[RigidDofs]  # before they are joined
 

@@ -242,7 +242,7 @@ class AssembledMatrices(PartsMatrices):
     _: KW_ONLY
     layout: Layout  # the parts in their places
     eliminated: Eliminated  # T and the dofs that depend on others
-    added: AddedTerms  # terms of joints and attachments
+    added: AddedTerms  # terms of joints, attachments and superelements
     constraints: Constraints  # from which T was made, the supports of the assembly first
 
     assembled: ClassVar[bool] = True

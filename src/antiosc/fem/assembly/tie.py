@@ -39,7 +39,7 @@ from antiosc.fem.structure.attachments import NAME_CHECK
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import DISPLACEMENTS, ROTATIONS
 
-#: Surfaces lie on each other up to this share of the mean size of their faces.
+#: Surfaces lie on each other up to this share of the mean radius of their faces (the finer side).
 GAP_SHARE = 0.3
 #: Fraction of a node's function that must lie on the other surface for the node to follow it.
 COVERED_SHARE = 0.3
@@ -117,7 +117,7 @@ class Facets(Entities):
 FACING_COSINE = 0.5
 #: Pieces of an edge with a rule each: functions of the leader have kinks within them.
 EDGE_PIECES, FACE_PIECES = 4, 3
-#: Share of the size of a face by which a point may lie beside the other surface.
+#: Share of the radius of a face by which a point may lie beside the other surface.
 BESIDE_SHARE = 0.02
 
 
@@ -184,8 +184,9 @@ class Tie(TwoEnds):
         of a shell on faces of a solid follows their displacement and rotation over the shell's
         thickness; rotation about the normal stays free.
     gap : float, optional
-        Largest distance between `a` and `b`, m; default: 0.3 of the size of their faces. Across a
-        gap the follower moves as on rigid arms from the other side.
+        Largest distance between `a` and `b`, m; default: 0.3 of the mean radius of the faces (from
+        their middle to their corners) of the finer side. Across a gap the follower moves as on
+        rigid arms from the other side.
     name : name of the joint in messages, optional
     """
 

@@ -320,7 +320,8 @@ class Sheet(Checked):
 
     kind: ClassVar[Kind] = Kind("sheet", outside=False, point_load=False, sheet=True)
 
-    #: direction of 0° (None: any), and direction toward the last layer (None: normals of cells)
+    #: direction of 0° (None: any), and direction toward the last layer (None: +z on a plane mesh,
+    #: else the normals of the cells)
     axis: Direction | None = None
     top: Direction | None = None
     #: distance of the middle of the section from the mesh, toward the top, m
@@ -451,8 +452,8 @@ class Laminate(Sheet):
     layers : sequence of Layer
         From the bottom to the top.
     axis : sequence of 3 floats or function
-        Direction of 0°, projected onto the surface in every cell. A function of points x (3, n)
-        returns such vectors (3, n), for instance the hoop direction of a tank.
+        Direction of 0°, projected onto the surface in every cell; default x. A function of points x
+        (3, n) returns such vectors (3, n), for instance the hoop direction of a tank.
     top : sequence of 3 floats or function, optional
         A direction that points to the side of the surface on which the last layer lies. Default: +z
         on a plane mesh; in space the normals of the cells, which must then be consistent from cell

@@ -306,6 +306,7 @@ class Tetrahedra:
 
     @cached_property
     def _kinds(self) -> list[Cells]:
+        """The straight cells, or linear elements; after them the curved cells, if any."""
         return _cells_by_kind(self._mesh, self._form, self._parts)
 
     @cached_property

@@ -457,6 +457,7 @@ class Smoother:
         return self._total[: self._rows], self._residual[: self._rows]
 
     def _vector(self) -> Array:
+        """A zero vector on the rows of this rank, with ghosts for products by cells."""
         if self._product:
             return self._product.cells.vector(self._real)
         return np.zeros(self._rows)

@@ -357,12 +357,14 @@ def set_type_at_exit(handle: PETSc.Mat | PETSc.PC, type_name: str) -> None:
 
 
 def _set_type(handle: weakref.ref[PETSc.Mat | PETSc.PC], type_name: str) -> None:
+    """Change the type of an object that still exists."""
     alive = handle()
     if alive is not None:
         alive.setType(type_name)
 
 
 def _release(holder: PETSc.IS) -> None:
+    """Free the dropped objects on the communicator of `holder`, and `holder`. Collective."""
     if PETSc.Sys.isInitialized() and not PETSc.Sys.isFinalized():
         PETSc.garbage_cleanup(holder.getComm())
         holder.destroy()

@@ -115,6 +115,7 @@ def seconds_of_steps(entries: float, steps: int) -> float:
 
 
 def _factor_seconds(entries: float) -> float:
+    """Time [s] of a factor of `entries` entries."""
     return FACTOR_ENTRY_SECONDS * entries + FACTOR_WORK_SECONDS * entries**1.5
 
 

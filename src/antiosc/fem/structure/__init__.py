@@ -460,7 +460,8 @@ class StructureMatrices:
     #: fixed dofs keep their rows: 1 on K's diagonal, 0 in M
     K: Matrix
     M: Matrix
-    #: local numbers of the dofs that the supports hold; of a mesh, ghosts included
+    #: local numbers of the dofs that the supports hold; of a mesh, ghosts included; of an assembly
+    #: also those that joints make dependent
     fixed: IntArray
     #: M-orthonormal rigid-body modes that the supports leave (rows of this rank, r)
     rigid_modes: Array

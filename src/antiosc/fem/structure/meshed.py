@@ -282,6 +282,7 @@ class MeshedStructure(PartsMatrices):
 
     @property
     def _material(self) -> Family:
+        """The first material."""
         material: Family = self.parts[0][0]
         return material
 

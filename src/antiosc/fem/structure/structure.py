@@ -312,9 +312,10 @@ class Structure(ReprMixin):
         20 000 dofs of quadratic isotropic tetrahedra on, K and M are of PETSc's type python:
         products are computed from the cells; `petsc_algebra.with_entries` makes entries.
     dofs : int
-        Dofs that are not fixed, on all ranks.
+        Number of dofs that are not `fixed`, on all ranks.
     fixed : ndarray of int
-        Dofs of this rank that supports fix; for a mesh, ghosts included.
+        Local numbers of the dofs that supports fix; for a mesh, ghosts included; for an assembly
+        also those that its joints make dependent.
     supports : tuple of Support
     mass : float
         Total mass, kg.
@@ -327,7 +328,8 @@ class Structure(ReprMixin):
     matrices : StructureMatrices
         K and M with the data of their dofs.
     seconds : dict
-        Times [s] of assembly and of factorization (including its memory forecast).
+        Times [s] of assembly and of factorization (including its memory forecast), and of the last
+        solver by `factorize_at` ("expansion").
 
     Raises
     ------
