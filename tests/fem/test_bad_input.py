@@ -14,6 +14,7 @@ from mpi4py import MPI
 import antiosc as ao
 import parts
 from antiosc.base import plausible
+from antiosc.fem.elements.shell import GivenSheet
 from antiosc.fem.platform import compat
 from mesh_files import write
 from mpi import START, run_ranks
@@ -80,6 +81,10 @@ WRONG = [
     (lambda: beam(), "orientation"),
     (lambda: beam(orientation=(0, 0, 2)), "parallel to 2 beam"),
     (lambda: beam(orientation=(0, 0, 0)), "length of orientation must be > 0"),
+    (lambda: ao.material("S355", orientation=(0, 0, 1)), "section"),
+    (lambda: ao.material("S355", thickness=1e-3, section=FLAT), "not both"),
+    *((lambda B=B: GivenSheet(np.eye(3), np.eye(3), np.eye(2), 1.0, 0.1, 1.0, B=B), "A, B, D")
+      for B in (2 * np.eye(3), np.eye(3)[[1, 2, 0]] / 2)),
     (lambda: halves({"low": SOLID}), "of 16 cells 8 have none and 0 more than one"),
     (lambda: halves({"all": SOLID, "high": SOLID}), "of 16 cells 0 have none and 8 more than one"),
     (lambda: halves({"middle": SOLID}), "middle"),

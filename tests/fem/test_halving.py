@@ -99,6 +99,17 @@ def test_curved_cells_of_a_part_are_divided_with_their_sides(tmp_path):
 # -- smaller cells around a point
 
 
+def test_nodes_of_the_file_keep_their_numbers(tmp_path):
+    path = tmp_path / "square.inp"
+    nodes = "7, 0., 0.\n3, 1., 0.\n11, 1., 1.\n5, 0., 1."
+    path.write_text(f"*NODE\n{nodes}\n*ELEMENT, TYPE=CPS3\n1, 7, 3, 11\n2, 7, 11, 5\n")
+    mesh = ao.read_mesh(path, refine=[((1.0, 1.0), 0.1)])
+    assert mesh.n_cells > 20
+    assert mesh.node(11).tolist() == [1.0, 1.0, 0.0]
+    assert mesh.node(5).tolist() == [0.0, 1.0, 0.0]
+    assert mesh.node(4) is None
+
+
 @pytest.mark.slow
 def test_constant_strains_and_curvatures_pass_through_cells_of_unlike_size(tmp_path):
     """No forces inside a plate in any of the six states, over the forces at its edges."""

@@ -220,3 +220,11 @@ def test_a_support_of_a_region_can_be_pickled(region):
     copy = pickle.loads(pickle.dumps(support))
     x = np.random.default_rng(0).random((3, 50)) * 0.2
     assert (copy.where(x, size=1.0) == support.where(x, size=1.0)).all()
+
+
+def test_a_solver_for_more_columns_is_chosen_anew():
+    part = ao.Structure(parts.box(), ao.material("S355"))
+    of_one = part.factorize_at(1e6)
+    of_one.columns = 1.0  # as of conjugate gradients, which are slow for many
+    assert part.factorize_at(1e6, 1.0) is of_one
+    assert part.factorize_at(1e6, 50.0) is not of_one

@@ -59,8 +59,8 @@ def material(
     Raises
     ------
     InputError
-        An unknown name (the message lists all names); of wood: a value, a thickness or a
-        section.
+        An unknown name (the message lists all names); a sheet that is also a bar; an orientation
+        without a section; of wood: a value, a thickness or a section.
     """
     record = materials.record(name)
     constants_given = {
@@ -86,6 +86,10 @@ def material(
         constants["rate"] = record.rate and record.rate[:2]  # in proportion to this strength
 
     constants |= overrides
+    if orientation is not None and section is None:
+        raise InputError("orientation is of the section of a bar: give a section too.")
+    if thickness is not None and section is not None:
+        raise InputError("a part is a sheet or a bar: give thickness or section, not both.")
     if thickness is not None:
         return Shell(**constants, thickness=thickness)
     if section is None:

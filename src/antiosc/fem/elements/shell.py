@@ -532,11 +532,11 @@ class GivenSheet(Sheet):
     Raises
     ------
     InputError
-        A, D or S that is not symmetric and positive definite; B is not checked for this.
+        S, or the stiffness (6, 6) of A, B and D, that is not symmetric and positive definite.
     """
 
-    A: ArrayLike = field(metadata=checked_by(_definite_matrix, 3))
-    D: ArrayLike = field(metadata=checked_by(_definite_matrix, 3))
+    A: ArrayLike = field(metadata=checked_by(floats, (3, 3)))
+    D: ArrayLike = field(metadata=checked_by(floats, (3, 3)))
     S: ArrayLike = field(metadata=checked_by(_definite_matrix, 2))
     mass: float = field(metadata=checked_by(positive))
     inertia: float = field(metadata=checked_by(positive))
@@ -545,6 +545,12 @@ class GivenSheet(Sheet):
     top: Direction | None = field(default=None, metadata=DIRECTION_CHECK)
     offset: float = field(default=0.0, metadata=checked_by(number, "m"))
     B: ArrayLike = field(default=((0.0,) * 3,) * 3, metadata=checked_by(floats, (3, 3)))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        A, B, D = np.asarray(self.A), np.asarray(self.B), np.asarray(self.D)
+        t = np.sqrt(np.abs(D).max() / (np.abs(A).max() or 1.0))  # of the size of the thickness
+        _definite_matrix("A, B, D", np.block([[t * t * A, t * B], [t * B, D]]), 6)
 
     @cached_property
     def section(self) -> PlateSection:

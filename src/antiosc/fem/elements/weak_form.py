@@ -138,7 +138,7 @@ def _directions_at(name: str, direction: Direction, x: Array) -> Array:
     vectors = floats(f"{name}, as a function of x (3, n),", at_cells, (3, None)).T
     vectors = np.broadcast_to(vectors, (len(x), 3))
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    _refuse_parallel(lengths, x, f"{name} has no length")
+    _refuse_parallel(np.sign(lengths), x, f"{name} has no length")
     return np.asarray(vectors / lengths)
 
 

@@ -224,7 +224,7 @@ class Mesh(ReprMixin):
 
         InputError for a mesh without numbers.
         """
-        if not len(self.labels):
+        if not np.any(self.labels >= 0):
             raise InputError(f"the nodes of {self.name} have no numbers: give a point or a group.")
         node_numbers = self.labels[np.asarray(self.dolfinx.geometry.input_global_indices)]
         return np.asarray(np.isin(node_numbers, np.asarray(nodes, dtype=np.int64)))

@@ -41,6 +41,8 @@ SIMPLEX_HALVES = {
 }
 #: Corners of a hexahedron.
 MOST_CORNERS = 8
+#: Number of a node that is not in the file.
+UNLABELLED = -1
 #: Cells may exceed a size by this share.
 SIZE_ROUNDING = 1e-9
 
@@ -135,7 +137,7 @@ def halved(raw: RawMesh) -> RawMesh:
 
     places = np.einsum("hmk,cki->chmi", shape.weights[kind.order - 1], raw.points[nodes])
     x = places.reshape(-1, raw.points.shape[1])[first]
-    without = np.full(len(x) if len(raw.labels) else 0, -1)
+    without = np.full(len(x) if len(raw.labels) else 0, UNLABELLED)
     points = np.vstack([raw.points, x])
 
     # the old corners between which each node lies
@@ -274,8 +276,13 @@ def _without_midside_nodes(raw: RawMesh) -> RawMesh:
         name: {dim: np.searchsorted(used, rows) for dim, rows in parts.items()}
         for name, parts in raw.groups.items()
     }
-    cells = cells.reshape(-1, raw.kind.vertices)
-    return RawMesh(raw.points[used], cells, CELL_KINDS[KIND_OF_SHAPE[raw.kind.shape]], groups)
+    return RawMesh(
+        points=raw.points[used],
+        cells=cells.reshape(-1, raw.kind.vertices),
+        kind=CELL_KINDS[KIND_OF_SHAPE[raw.kind.shape]],
+        groups=groups,
+        labels=raw.labels[used],
+    )
 
 
 def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
@@ -295,13 +302,19 @@ def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
         }
         for name, parts in mesh.groups.items()
     }
-    of_ranks = mesh.comm.gather((number, geometry.x[:, : mesh.gdim], cells, values, groups))
+    labels_here = np.full(len(number), UNLABELLED)
+    if len(mesh.labels):
+        labels_here = mesh.labels[np.asarray(geometry.input_global_indices)]
+    x_here = geometry.x[:, : mesh.gdim]
+    of_ranks = mesh.comm.gather((number, x_here, labels_here, cells, values, groups))
     if of_ranks is None:
         return None
 
-    numbers, x, all_cells, all_values, all_groups = zip(*of_ranks, strict=True)
-    points = np.zeros((int(geometry.index_map().size_global), mesh.gdim))
+    numbers, x, of_nodes, all_cells, all_values, all_groups = zip(*of_ranks, strict=True)
+    count = int(geometry.index_map().size_global)
+    points, labels = np.zeros((count, mesh.gdim)), np.zeros(count, dtype=np.int64)
     points[np.concatenate(numbers)] = np.vstack(x)
+    labels[np.concatenate(numbers)] = np.concatenate(of_nodes)
     whole: Groups = {name: {} for name in mesh.groups}
     for name, parts in whole.items():
         for dim in set().union(*(of_rank[name] for of_rank in all_groups)):
@@ -310,8 +323,8 @@ def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
 
     kind = next(k for k in CELL_KINDS.values() if (k.shape, k.order) == (mesh.cell, mesh.order))
     order = np.argsort(compat.node_order(kind.shape, kind.nodes, "vtk"))
-    raw = RawMesh(points, np.vstack(all_cells)[:, order].astype(np.int64), kind, whole)
-    return raw, np.concatenate(all_values)
+    cells = np.vstack(all_cells)[:, order].astype(np.int64)
+    return RawMesh(points, cells, kind, whole, labels=labels), np.concatenate(all_values)
 
 
 def bisected_once(raw: RawMesh, values: Array) -> tuple[RawMesh, Array]:
@@ -333,7 +346,9 @@ def bisected_once(raw: RawMesh, values: Array) -> tuple[RawMesh, Array]:
         cells[turned] = cells[turned][:, [0, 2, 1]]
     sizes = _mean_edges(old_corners)[parent] / _mean_edges(x[cells])
     groups = _groups_of_division(raw.groups, support, lambda dim: compat.entity_vertices(new, dim))
-    return replace(raw, points=x, cells=cells, groups=groups), values[parent] * sizes
+    labels = np.where(support[:, 0] == support[:, 1], raw.labels[support[:, 0]], UNLABELLED)
+    new_mesh = replace(raw, points=x, cells=cells, groups=groups, labels=labels)
+    return new_mesh, values[parent] * sizes
 
 
 def _normals(corners: Array) -> Array:

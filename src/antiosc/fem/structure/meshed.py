@@ -447,7 +447,7 @@ def beams_alone(stiffener: Stiffener) -> MeshedStructure:
         parts=stiffener.parts,
         total_mass=0.0,
         attached_inertia=np.zeros((rows, 3)),
-        reassembled=lambda _: beams_alone(stiffener),
+        reassembled=lambda *_: beams_alone(stiffener),
     )
 
 

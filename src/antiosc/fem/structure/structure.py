@@ -555,19 +555,22 @@ class Structure(ReprMixin):
     def factorize_at(self, shift: float, columns: float = 1.0) -> Solver:
         """A solver of K + shift·M for `columns` loads at once, `shift` > 0 in rad²/s².
 
-        The last one is kept and returned for the same shift, whatever the number of loads.
+        The last one is kept and returned for the same shift and no more columns.
         """
         shift = checks.positive("shift", shift, "rad²/s²")
         columns = columns if checks.is_rigid(columns) else checks.positive("columns", columns)
 
-        if self._expanded is None or self._expanded[1] != shift:
-            self._expanded = None  # there may be no room for two
+        kept = self._expanded
+        if kept is not None and (kept[1] != shift or kept[0].columns < columns):
+            kept = self._expanded = None  # there may be no room for two
+
+        if kept is None:
             start_time = clock()
             with doing(f"factorization of {self.dofs} dofs"):
-                self._expanded = self.matrices.solver_of(shift, columns), shift
+                kept = self._expanded = self.matrices.solver_of(shift, columns), shift
             self.seconds["expansion"] = clock() - start_time
 
-        return self._expanded[0]
+        return kept[0]
 
     def drop_factor(self) -> None:
         """Free the memory of the factors; they are computed again when needed."""
