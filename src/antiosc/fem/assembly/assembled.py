@@ -97,11 +97,8 @@ def free_motions(
     layout: Layout, bodies: Sequence[RigidDofs], constraints: Sparse, fixed: BoolArray, scale: Array
 ) -> tuple[Array, int]:
     """(strain-free motions (n, k) of u that satisfy all constraints, number of rigid motions of the
-    assembly among them).
-
-    `constraints` (m, n): functionals of u that are zero, strains of springs included; `fixed` (n,)
-    and `scale` (n,): as of `Constraints`.
-    """
+    assembly among them). `constraints` (m, n): functionals of u that are zero, strains of springs
+    included; `fixed` (n,) and `scale` (n,): as of `Constraints`."""
     size = np.asarray(abs(constraints) @ scale).ravel()
     scaled = scipy.sparse.diags(1 / size[size > 0]) @ constraints[size > 0]
     units = scipy.sparse.diags(1 / scale[fixed]) @ scipy.sparse.identity(len(fixed)).tocsr()[fixed]

@@ -66,9 +66,7 @@ END_CHECK = checked_by(checked_end)
 
 def motion_of_end(layout: Layout, end: End) -> PointMotion:
     """The motion of an end, as functionals of u, at its point or at its group's centroid.
-
-    InputError if there is no such part, group or reference point, or the point is off the part.
-    """
+    InputError if there is no such part, group or reference point, or the point is off the part."""
     end_motion = layout.motion_without_mesh(end)
     if end_motion is not None:
         return end_motion
@@ -112,9 +110,7 @@ def _point_motion(
 
 def _points_around(place: Place, end: End, radius: float) -> WeightedPoints:
     """Quadrature points within `radius` [m] of a place on the faces, sheets or lines of its part.
-
-    InputError if they are fewer than `CUT_POINTS`; `end`: for its message.
-    """
+    InputError if they are fewer than `CUT_POINTS`; `end`: for its message."""
     member = place.member
     faces = member.part.faces
     near = np.linalg.norm(faces.centres - place.point, axis=1) <= faces.radii + radius

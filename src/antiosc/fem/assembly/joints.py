@@ -189,9 +189,7 @@ def motions_at(
 
 def relative_motion(label: str, directions: Array, a: EndMotion, b: EndMotion) -> Sparse:
     """Motion of b minus that of a (k, n), along `directions` (k, 6), as functionals of u.
-
-    InputError if an end cannot move in one of the directions.
-    """
+    InputError if an end cannot move in one of the directions."""
     for end, end_motion in (a, b):
         for direction in directions:
             turns = direction[3:].any()
@@ -541,9 +539,7 @@ class Bolt(TwoEnds):
 
 def beam_matrices(beam: Beam, length: float) -> tuple[Array, Array]:
     """(stiffness, mass), each (12, 12), of a beam of this `length` [m] along x with height along y.
-
-    Dofs: x, y, z, rx, ry, rz of the first end, then of the second. The shapes are static ones.
-    """
+    Dofs: x, y, z, rx, ry, rz of the first end, then of the second. The shapes are static ones."""
     section = beam.section
     inertia = np.diag([section.A * beam.rho] * 3 + [0.0] * 3)
     inertia[3, 3] = beam.rho * (section.I + section.side)

@@ -188,8 +188,7 @@ POINT_DOFS = 6
 
 class Layout:
     """The n dofs u of an assembly: of its meshed parts `members`, superelements `condensed`, and
-    reference `points`, name -> coordinates (3,) [m]. `at`: placement of each part.
-    """
+    reference `points`, name -> coordinates (3,) [m]. `at`: placement of each part."""
 
     def __init__(
         self,
@@ -270,9 +269,7 @@ class Layout:
 
     def motion_without_mesh(self, end: End) -> PointMotion | None:
         """Motion of an end that is a reference point or on a superelement; None for other ends.
-
-        InputError if the superelement has no such site or node.
-        """
+        InputError if the superelement has no such site or node."""
         part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
         if part in self.condensed:
             return self._superelement_motion(part, end)

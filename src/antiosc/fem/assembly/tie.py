@@ -254,9 +254,7 @@ def _projection_rows(
     label: str,
 ) -> list[Rows]:
     """Constraints: the follower's free dofs equal the L2 projection of the leader's motion.
-
-    `tied_dofs` (n,): mask of the dofs of u that are not free. Empty if no node can follow.
-    """
+    `tied_dofs` (n,): mask of the dofs of u that are not free. Empty if no node can follow."""
     phi = follower.basis(common.face, common.xi)
     nodes = np.flatnonzero(np.diff(phi.tocsc().indptr))
     phi = phi[:, nodes]

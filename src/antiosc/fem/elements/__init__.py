@@ -214,11 +214,9 @@ class Layer(Checked):
         return np.asarray(T.T @ Q @ T)
 
     def contraction(self) -> Array:
-        """Matrix (1, 3): strain ε3 across the layer from (ε1, ε2, γ12), in plane stress.
-
-        The axes 1, 2 are the laminate's. The layer is assumed isotropic across its fibres: ν13 =
-        nu12, and ν23 = E2/(2 G23) − 1, at most 0.5.
-        """
+        """Matrix (1, 3): strain ε3 across the layer from (ε1, ε2, γ12), in plane stress. The axes
+        1, 2 are the laminate's. The layer is assumed isotropic across its fibres: ν13 = nu12, and
+        ν23 = E2/(2 G23) − 1, at most 0.5."""
         nu23 = min(self.E2 / (2 * self.G23) - 1, 0.5)
         s3 = np.array([-self.nu12 / self.E1, -nu23 / self.E2])
         c, s = _cosine_sine(self.angle)
@@ -317,10 +315,8 @@ def _mean_shear_stiffness(stiffness: Array) -> float:
 
 @within_range
 def section_of_layers(layers: Sequence[Layer]) -> PlateSection:
-    """The section of layers from the bottom to the top; z = 0 is in the middle.
-
-    InputError unless `layers` is a sequence of one `Layer` or more.
-    """
+    """The section of layers from the bottom to the top; z = 0 is in the middle. InputError unless
+    `layers` is a sequence of one `Layer` or more."""
     is_list = isinstance(layers, Sequence) and len(layers) > 0
     if not is_list or not all(isinstance(ply, Layer) for ply in layers):
         raise InputError(f"layers lists one Layer or more, bottom first; got {shown(layers)}.")
@@ -348,10 +344,8 @@ def section_of_layers(layers: Sequence[Layer]) -> PlateSection:
 def _transverse_shear(
     layers: Sequence[Layer], z: Array, Q: Array, A: Array, B: Array, D: Array
 ) -> Array:
-    """Transverse shear stiffness S (2, 2) [N/m], by the energy of equilibrium shear stresses.
-
-    `z`, `Q`: heights and Q̄ as from `_layer_integrals`; `A`, `B`, `D`: as of a `PlateSection`.
-    """
+    """Transverse shear stiffness S (2, 2) [N/m], by the energy of equilibrium shear stresses. `z`,
+    `Q`: heights and Q̄ as from `_layer_integrals`; `A`, `B`, `D`: as of a `PlateSection`."""
     shear_at = _equilibrium(z, Q, A, B, D)
 
     # f is quadratic in z within a layer, its energy of degree four: three Gauss points
@@ -383,10 +377,8 @@ def _layer_integrals(layers: Sequence[Layer]) -> tuple[Array, Array, Array]:
 
 
 def _equilibrium(z: Array, Q: Array, A: Array, B: Array, D: Array) -> Callable[[int, float], Array]:
-    """Function (layer, height [m]) -> f (2, 2) [1/m]: (τ13, τ23) = f (Q1, Q2), by equilibrium.
-
-    `z`, `Q`: heights and Q̄ as from `_layer_integrals`; `A`, `B`, `D`: as of a `PlateSection`.
-    """
+    """Function (layer, height [m]) -> f (2, 2) [1/m]: (τ13, τ23) = f (Q1, Q2), by equilibrium. `z`,
+    `Q`: heights and Q̄ as from `_layer_integrals`; `A`, `B`, `D`: as of a `PlateSection`."""
     coupling = -np.linalg.solve(A, B)
     d = np.linalg.inv(D + B @ coupling)
     b = coupling @ d

@@ -227,10 +227,8 @@ def _height_coefficient(mesh: Mesh, parts: Parts) -> Expr:
 
 def height_directions(beam: Beam, axis: Array, middle: Array) -> Array:
     """Unit orientation vectors (n, 3) of n cells; their components across `axis` are the heights.
-
     `axis` (n, 3): unit vectors along the cells; `middle` (n, 3): midpoints [m]. InputError if an
-    orientation is missing or parallel to an axis.
-    """
+    orientation is missing or parallel to an axis."""
     if beam.orientation is None:
         if not beam.section.isotropic:
             raise InputError(

@@ -62,9 +62,8 @@ def sheet_eta(frame: Frame, a: Expr, b: Expr) -> Expr:
 
 class SecondOrderStrain(NamedTuple):
     """UFL functions ε, η and internal forces N(strain) of a family with strain ε(u) + η(u, u)/2.
-
-    Strains are tensors of isotropic solids, vectors of other solids and sheets, scalars of lines.
-    """
+    Strains are tensors of isotropic solids, vectors of other solids and sheets, scalars of
+    lines."""
 
     strain: Callable[[Expr], Expr]
     eta: Callable[[Expr, Expr], Expr]
@@ -366,10 +365,8 @@ def _points_by_rule(part: MeshedStructure, degree: int) -> PartPoints:
 
 
 def _sheet_operators(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoints:
-    """Operators of sheets, with derivatives along the frame of `frames`.
-
-    `cells` (n,): cell of each point; `J` (n, 3, 2): Jacobians at the points.
-    """
+    """Operators of sheets, with derivatives along the frame of `frames`. `cells` (n,): cell of each
+    point; `J` (n, 3, 2): Jacobians at the points."""
     axis, side = part.axes_and_sides
     n = np.cross(J[:, :, 0], J[:, :, 1])
     n *= (side[cells] / np.linalg.norm(n, axis=1))[:, None]
@@ -409,9 +406,7 @@ def _solid_operators(part: MeshedStructure, cells: IntArray, J: Array) -> _Famil
 
 def _beam_operators(part: MeshedStructure, cells: IntArray, J: Array) -> _FamilyAtPoints:
     """Operators of beams, with derivatives along the axis; InputError for beams with an offset.
-
-    `cells` (n,): cell of each point; `J` (n, 3, 1): Jacobians at the points.
-    """
+    `cells` (n,): cell of each point; `J` (n, 3, 1): Jacobians at the points."""
     if any(beam.offset for beam, _ in part.parts):
         raise InputError("stretch does not take beams with an offset.")
     t = J[:, :, 0] / np.linalg.norm(J[:, :, 0], axis=1)[:, None]

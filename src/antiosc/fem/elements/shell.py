@@ -334,9 +334,7 @@ class Sheet(Checked):
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Strain and kinetic energy of the shell; cubic triangles, quadratic quadrilaterals.
-
-        InputError unless the mesh is one of faces and `order` is 2.
-        """
+        InputError unless the mesh is one of faces and `order` is 2."""
         if mesh.tdim != 2:
             raise InputError(
                 f"{type(self).__name__} needs a mesh of triangles or quadrilaterals; {mesh.name} "

@@ -76,10 +76,8 @@ class Solid(Isotropic):
         return C
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-        """Weak form with displacements of degree `order`.
-
-        InputError if `order` is below the geometric order, or cells, space and `plane` do not fit.
-        """
+        """Weak form with displacements of degree `order`. InputError if `order` is below the
+        geometric order, or cells, space and `plane` do not fit."""
         _check_cells(mesh, order)
         return weak_form_of(mesh, parts, order)
 
@@ -137,10 +135,8 @@ def _check_cells(mesh: Mesh, order: int) -> None:
 
 
 def weak_form_of(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-    """Weak form of isotropic and anisotropic solids, also mixed.
-
-    InputError for an AnisotropicSolid in 2-D, and a `plane` that does not fit the dimension.
-    """
+    """Weak form of isotropic and anisotropic solids, also mixed. InputError for an AnisotropicSolid
+    in 2-D, and a `plane` that does not fit the dimension."""
     directed = any(isinstance(material, AnisotropicSolid) for material, _ in parts)
     if directed and mesh.gdim != 3:
         raise InputError(f"AnisotropicSolid is for 3-D meshes; {mesh.name} is 2-D.")
@@ -292,11 +288,9 @@ class AnisotropicSolid(FieldsRepr):
         rho: float,
         axes: ArrayLike | None = None,
     ) -> AnisotropicSolid:
-        """A solid with three perpendicular planes of symmetry.
-
-        E : (E1, E2, E3) in Pa; nu : (nu12, nu13, nu23), where nu12 is the contraction along 2 under
-        stress along 1; G : (G12, G13, G23) in Pa. InputError if the strain energy is not positive.
-        """
+        """A solid with three perpendicular planes of symmetry. E : (E1, E2, E3) in Pa; nu : (nu12,
+        nu13, nu23), where nu12 is the contraction along 2 under stress along 1; G : (G12, G13, G23)
+        in Pa. InputError if the strain energy is not positive."""
         moduli, ratios, shear = (
             floats(name, value, (3,)) for name, value in (("E", E), ("nu", nu), ("G", G))
         )

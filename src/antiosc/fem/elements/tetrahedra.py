@@ -49,10 +49,8 @@ QuadratureRule = tuple[Array, Array, Array]
 
 
 class Cells(ABC):
-    """Cells of one kind on this rank, and products by a C kernel.
-
-    `nodes` (n, 10), of linear elements (n, 4): local numbers of the cells' nodes.
-    """
+    """Cells of one kind on this rank, and products by a C kernel. `nodes` (n, 10), of linear
+    elements (n, 4): local numbers of the cells' nodes."""
 
     #: names of C functions without their precision: for any u, and for u linear in each cell
     function: str
@@ -92,10 +90,8 @@ class Cells(ABC):
 
 
 class StraightCells(Cells):
-    """Straight cells with nodes `x` (n, 4 or 10, 3) [m].
-
-    `constants` (n, 3): λ, μ [Pa], ρ [kg/m³].
-    """
+    """Straight cells with nodes `x` (n, 4 or 10, 3) [m]. `constants` (n, 3): λ, μ [Pa], ρ
+    [kg/m³]."""
 
     function, function_of_linear = "afe_tetra_product", "afe_tetra_of_linear"
 
@@ -382,10 +378,8 @@ class Tetrahedra:
         return result
 
     def coarse(self, P: PETSc.Mat, fixed: IntArray) -> Tetrahedra:
-        """`Tetrahedra` of linear elements on the same cells; attached matrices A become PᵀAP.
-
-        `P` interpolates from the linear elements; `fixed`: local numbers of their fixed dofs.
-        """
+        """`Tetrahedra` of linear elements on the same cells; attached matrices A become PᵀAP. `P`
+        interpolates from the linear elements; `fixed`: local numbers of their fixed dofs."""
         result = Tetrahedra(self._mesh, self.linear, self._parts, {})
         result._held = fixed
         result.added = tuple(matrix.ptap(P) if self.carries else matrix for matrix in self.added)

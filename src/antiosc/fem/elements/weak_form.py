@@ -130,10 +130,8 @@ def _normals(mesh: Mesh, x: Array) -> Array:
 
 
 def _directions_at(name: str, direction: Direction, x: Array) -> Array:
-    """Unit vectors (cells, 3) of the direction at the middle of every cell.
-
-    `x` (cells, nodes, 3): nodes of the cells; `name`: of the direction, for messages.
-    """
+    """Unit vectors (cells, 3) of the direction at the middle of every cell. `x` (cells, nodes, 3):
+    nodes of the cells; `name`: of the direction, for messages."""
     at_cells = direction(x.mean(axis=1).T) if callable(direction) else np.reshape(direction, (3, 1))
     vectors = floats(f"{name}, as a function of x (3, n),", at_cells, (3, None)).T
     vectors = np.broadcast_to(vectors, (len(x), 3))
@@ -159,11 +157,9 @@ def shown_direction(direction: Direction) -> str:
 
 
 def _check_neighbours(mesh: Mesh, x: Array, side: Array, has_sides: BoolArray) -> None:
-    """InputError if neighbouring cells, both marked in `has_sides`, have opposite tops.
-
-    For the cells of this rank with ghosts: `x` (cells, nodes, 3) their nodes, `side` (cells,) ±1 as
-    from `axes_and_sides`, `has_sides` (cells,) whether the layers are unsymmetric and have no top.
-    """
+    """InputError if neighbouring cells, both marked in `has_sides`, have opposite tops. For the
+    cells of this rank with ghosts: `x` (cells, nodes, 3) their nodes, `side` (cells,) ±1 as from
+    `axes_and_sides`, `has_sides` (cells,) whether the layers are unsymmetric and have no top."""
     owned = compat.cell_index_map(mesh.dolfinx).size_local
     in_turn = CORNERS_AROUND[mesh.cell]
     number = np.asarray(mesh.dolfinx.geometry.input_global_indices)

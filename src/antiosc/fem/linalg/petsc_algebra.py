@@ -133,10 +133,8 @@ def empty_matrix(rows: int, comm: MPI.Comm) -> PETSc.Mat:
 
 
 def from_csr(name: str, matrix: scipy.sparse.csr_matrix) -> PETSc.Mat:
-    """A one-rank PETSc matrix from a SciPy matrix with sorted entries.
-
-    InputError, which calls the matrix `name`, if PETSc's integers cannot count its entries.
-    """
+    """A one-rank PETSc matrix from a SciPy matrix with sorted entries. InputError, which calls the
+    matrix `name`, if PETSc's integers cannot count its entries."""
     if max(matrix.shape[0], matrix.nnz) > np.iinfo(PETSc.IntType).max:
         raise InputError(f"{name} has {matrix.nnz} entries, more than this PETSc's integers count.")
 

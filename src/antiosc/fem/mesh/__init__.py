@@ -106,9 +106,7 @@ class CellGeometry:
 
 class CellEntities:
     """n entities of one dimension, each in a cell at reference coordinates X = origin + axes ξ.
-
-    `cells` (n,): number of the cell in `geometry`; `origin` (n, tdim); `axes` (n, tdim, dim).
-    """
+    `cells` (n,): number of the cell in `geometry`; `origin` (n, tdim); `axes` (n, tdim, dim)."""
 
     def __init__(self, geometry: CellGeometry, cells: IntArray, origin: Array, axes: Array) -> None:
         dim = axes.shape[2]
@@ -220,10 +218,8 @@ class Mesh(ReprMixin):
         return float(np.linalg.norm(high - low))
 
     def numbered(self, nodes: Sequence[int]) -> BoolArray:
-        """Mask (geometry nodes of this rank,) of nodes with these numbers in the file.
-
-        InputError for a mesh without numbers.
-        """
+        """Mask (geometry nodes of this rank,) of nodes with these numbers in the file. InputError
+        for a mesh without numbers."""
         if not np.any(self.labels >= 0):
             raise InputError(f"the nodes of {self.name} have no numbers: give a point or a group.")
         node_numbers = self.labels[np.asarray(self.dolfinx.geometry.input_global_indices)]
@@ -252,9 +248,7 @@ class Mesh(ReprMixin):
 
     def _side(self, name: str) -> Mapping[int, IntArray]:
         """{tdim − 1: facets of this rank} on the side `name` ("-x", "+z", …) of the bounding box.
-
-        InputError if there are none, or the mesh is flat along this axis.
-        """
+        InputError if there are none, or the mesh is flat along this axis."""
         axis = "xyz".index(name[1])
         low, high = self.box
         end = (low if name[0] == "-" else high)[axis]

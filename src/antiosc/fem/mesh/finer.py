@@ -286,10 +286,8 @@ def _without_midside_nodes(raw: RawMesh) -> RawMesh:
 
 
 def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
-    """The whole mesh and `values` of its cells on rank 0; None on other ranks.
-
-    `values`: (cells that this rank owns,).
-    """
+    """The whole mesh and `values` of its cells on rank 0; None on other ranks. `values`: (cells
+    that this rank owns,)."""
     geometry = mesh.dolfinx.geometry
     nodes_here = np.arange(len(geometry.x), dtype=np.int32)
     number = np.asarray(geometry.index_map().local_to_global(nodes_here))

@@ -184,9 +184,7 @@ def _cells_where(
     points: Array, cells: IntArray, shape: str, order: int, fails: Callable[[Array], BoolArray]
 ) -> IntArray:
     """Indices of `cells` (n, nodes in dolfinx's order) whose Jacobian determinants satisfy `fails`.
-
-    `fails` is given (n, q) determinants at q points, of positive sum in each cell.
-    """
+    `fails` is given (n, q) determinants at q points, of positive sum in each cell."""
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
     failed = [np.zeros(0, dtype=bool)]
     for start in range(0, len(cells), CELLS_AT_ONCE):
@@ -264,9 +262,7 @@ def refuse_degenerate(mesh: Mesh) -> None:
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:
     """`points` with the mid-side nodes of folded cells moved to the middle of their sides; cells
     that this folds are straightened too. `cells`: second-order simplices, nodes in VTK's order.
-
-    UnmeshableError if a straight cell has no volume.
-    """
+    UnmeshableError if a straight cell has no volume."""
     points = points.copy()
     edges = np.array(SIMPLEX_EDGES[shape])
     first = int(edges.max()) + 1

@@ -86,10 +86,8 @@ _packages = threading.RLock()
 
 
 def collective(default: MPI.Comm = WORLD) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Decorator of functions that all ranks call: an error on one rank is raised on all ranks.
-
-    They are those of the largest communicator of the arguments; of `default` if these have none.
-    """
+    """Decorator of functions that all ranks call: an error on one rank is raised on all ranks. They
+    are those of the largest communicator of the arguments; of `default` if these have none."""
 
     def guard(function: Callable[P, T]) -> Callable[P, T]:
         guarded_call = within_memory(function)

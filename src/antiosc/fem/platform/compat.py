@@ -397,9 +397,7 @@ def strain_matrix(
     strains: Expr, degree: int, space: fem.FunctionSpace, fixed: Mapping[tuple[int, ...], IntArray]
 ) -> PETSc.Mat:
     """Matrix S with |S u|² = ∫ |strains(u)|², one row for each strain component and Gauss point.
-
-    `strains`: vector (UFL) of the trial function; `fixed`: as for `assemble`, with zero columns.
-    """
+    `strains`: vector (UFL) of the trial function; `fixed`: as for `assemble`, with zero columns."""
     mesh = space.mesh
     size = len(strains)
     points = _space(mesh, "Quadrature", degree, size)

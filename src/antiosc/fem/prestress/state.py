@@ -80,9 +80,7 @@ MOST_RESTARTS = 12
 
 class LoadedPart:
     """Forces and tangent stiffness by second-order and initial strains, pressure and spin.
-
-    `initial`: group of beams or bars -> stress-free strain of its cells.
-    """
+    `initial`: group of beams or bars -> stress-free strain of its cells."""
 
     def __init__(
         self, part: MeshedStructure, loads: Prestress, initial: Mapping[str, float]
@@ -151,9 +149,7 @@ def zero_on_fixed(part: MeshedStructure, forces: Array) -> Array:
 
 def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
     """Stress-free strain of each cell, from that of groups, as a cell-wise constant function.
-
-    InputError for a group without cells of beams or bars.
-    """
+    InputError for a group without cells of beams or bars."""
     strain_of_cells = compat.cellwise_function(part.mesh.dolfinx)
     for group, strain in initial.items():
         dim, cells = largest_entities(part.mesh, group)
@@ -199,9 +195,7 @@ def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
 
 def _loaded_points(part: MeshedStructure, group: str) -> Points:
     """Points of a group over which a force is distributed evenly, of weights whose sum is 1.
-
-    InputError for edges of volumes, and for faces inside the part.
-    """
+    InputError for edges of volumes, and for faces inside the part."""
     mesh = part.mesh
     dim, entities = largest_entities(mesh, group)
     if dim not in (0, mesh.tdim - 1, mesh.tdim):
@@ -397,9 +391,7 @@ def equilibrium(
 
 def buckling_factor(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
     """The smallest λ > 0 for which K + λ geometric is singular; inf above `LARGEST_LOAD_FACTOR`.
-
-    `solver`: of K. NotConvergedError if SLEPc finds none.
-    """
+    `solver`: of K. NotConvergedError if SLEPc finds none."""
     if not geometric.norm():
         return math.inf
 

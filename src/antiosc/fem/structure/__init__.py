@@ -404,11 +404,9 @@ def orthonormal_basis(comm: MPI.Comm, M: Matrix, block: Array, into: Array | Non
 
 
 def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
-    """Shift [rad²/s²]: 0.1 × first elastic ω², by inverse iteration; inf if all is rigid.
-
-    `factor`: solver of K + s M at some s > 0; `motions` (rows, r): M-orthonormal rigid
-    motions. AccuracyError if rounding hides the first elastic ω².
-    """
+    """Shift [rad²/s²]: 0.1 × first elastic ω², by inverse iteration; inf if all is rigid. `factor`:
+    solver of K + s M at some s > 0; `motions` (rows, r): M-orthonormal rigid motions. AccuracyError
+    if rounding hides the first elastic ω²."""
     comm = factor.comm
     x = np.random.default_rng(comm.rank).standard_normal((len(motions), 3))
 

@@ -52,11 +52,9 @@ class Points:
 
 
 def loads(comm: MPI.Comm, form: WeakForm, points: Points, directions: Array) -> Sparse:
-    """Load vectors of P sites as columns (rows of this rank, P), fixed dofs included.
-
-    `directions`: forces (P, 3), or forces and moments (P, 6); parts along components that nodes do
-    not have are left out.
-    """
+    """Load vectors of P sites as columns (rows of this rank, P), fixed dofs included. `directions`:
+    forces (P, 3), or forces and moments (P, 6); parts along components that nodes do not have are
+    left out."""
     rows = [np.zeros(0, dtype=np.int32)]
     sites = [np.zeros(0, dtype=int)]
     values = [np.zeros(0)]

@@ -142,9 +142,7 @@ def matrices_of_pair(
     C: Matrix | None = None,
 ) -> tuple[StructureMatrices, Solver | None]:
     """(checked matrices with supports and null vectors of K, solver of K or None if singular).
-
-    Arguments as of `Structure.from_matrices`; `rows`: its map, None: none is given.
-    """
+    Arguments as of `Structure.from_matrices`; `rows`: its map, None: none is given."""
     K, M, fixed = with_supports(K, M)
 
     if supports is not None:
@@ -553,10 +551,8 @@ class Structure(ReprMixin):
         return self._factored[0]
 
     def factorize_at(self, shift: float, columns: float = 1.0) -> Solver:
-        """A solver of K + shift·M for `columns` loads at once, `shift` > 0 in rad²/s².
-
-        The last one is kept and returned for the same shift and no more columns.
-        """
+        """A solver of K + shift·M for `columns` loads at once, `shift` > 0 in rad²/s². The last one
+        is kept and returned for the same shift and no more columns."""
         shift = checks.positive("shift", shift, "rad²/s²")
         columns = columns if checks.is_rigid(columns) else checks.positive("columns", columns)
 

@@ -317,11 +317,9 @@ DOMINATED_SHARE = 1e-14
 def modes_and_shift(
     form: WeakForm, fixed: IntArray, K: PETSc.Mat, M: PETSc.Mat, springs: Array
 ) -> tuple[Array, float]:
-    """(M-orthonormal rigid-body modes (rows, r) that no spring resists, shift [rad²/s²]).
-
-    Without such modes the shift is 0. `fixed`: local numbers of dofs; `springs` (rows, s): force
-    patterns of springs to the ground. AccuracyError if a rigid motion strains the structure.
-    """
+    """(M-orthonormal rigid-body modes (rows, r) that no spring resists, shift [rad²/s²]). Without
+    such modes the shift is 0. `fixed`: local numbers of dofs; `springs` (rows, s): force patterns
+    of springs to the ground. AccuracyError if a rigid motion strains the structure."""
     comm: MPI.Comm = K.getComm().tompi4py()
     modes = _vanishing_combinations(comm, rigid_motions(form, K), fixed, springs)
     modes = orthonormal_basis(comm, M, modes)
