@@ -35,7 +35,7 @@ DEAR = {
     "box_mesh",
     *("reactions", "strike", "tradeoff", "export", "find_impact", "drop", "design_map"),
     "contact_between",
-    *("StructureModes.write", "History.to_dataframe"),
+    "StructureModes.write",
 }
 ROOMS = ("plotting.", "Fall.", "Many.", "PeakField.", "closed_form.")
 DEAR |= {name for name in CALLS if name.endswith(".plot") or name.startswith(ROOMS)}

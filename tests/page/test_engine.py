@@ -15,6 +15,7 @@ import stretched
 from antiosc.base.texts import engineering
 from antiosc.engine import library
 from antiosc_app import live as assets
+from laws import yield_speed
 
 node = pytest.mark.skipif(shutil.which("node") is None, reason="no node, which runs WebAssembly")
 MODEL = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05, 0.03, 0.01], omega=[2e3, 7e3, 1.9e4])
@@ -94,7 +95,7 @@ def test_the_engine_gives_the_numbers_of_simulate(model, striker, law, options):
 @node
 @pytest.mark.parametrize("model", [MODEL, replace(MODEL, local_compliance=1e-8)])
 def test_sliders_through_yield_leave_the_dent_of_simulate(model):
-    onset = YIELDS.yield_speed(0.2)
+    onset = yield_speed(YIELDS, 0.2)
     sets = [{"speed": v} for v in (0.3 * onset, 0.9 * onset, 3 * onset, 0.3, 1.5, 6.0)]
     hit = ao.simulate(model, STRIKER, YIELDS, 3e-3, tol=1e-6)
     found = on_the_page(hit, sets)

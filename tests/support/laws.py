@@ -36,4 +36,11 @@ LAWS = {
     "table": ao.Tabulated(LOADING_DEPTHS, LOADING, (UNLOADING_DEPTHS, UNLOADING)),
     "elastic table": ao.Tabulated(LOADING_DEPTHS, LOADING),
 }
+
+
+def yield_speed(law: ao.ElasticPlastic, mass: float) -> float:
+    """Closing speed [m/s] above which a contact of bodies with a reduced mass [kg] yields."""
+    return float(np.sqrt(0.8 * law.yield_force * law.yield_indentation / mass))
+
+
 laws = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())

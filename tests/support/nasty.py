@@ -64,8 +64,6 @@ INNER = {
     *("node", "numbered", "close"),  # `Site(node=)` and `Support(nodes=)` check them; a view
     *("prepare", "constraints", "elastic", "label", "placed", "own", "components", "selected"),
 }
-if importlib.util.find_spec("pandas") is None:
-    INNER.add("to_dataframe")
 #: What functions return: antiosc alone makes them.
 RESULTS = {
     *("Advice", "Energy", "History", "ImpactMap"),
@@ -556,7 +554,6 @@ OWN: dict[str, dict[str, Any]] = {
     
     "ElasticPlastic": {"modulus": 1e10, "radius": 5e-3, "yield_strength": 1e8},
     "ElasticPlastic.error_at": {"depth": 1e-5},
-    "ElasticPlastic.yield_speed": {"mass": 0.1},
     "plotting.plot_history": {"path": "hit.png"}, "History.plot": {"path": "hit.png"},
     "SceneHistory.plot": {"path": "hit.png"},
     "plotting.plot_model": {"path": "model.png"}, "AntiOscillators.plot": {"path": "model.png"},

@@ -61,8 +61,6 @@ class Choice:
     kind: str  # of contact, in words
     soft: Matter | None = None  # the material that yields first; None if neither yields
     unknown: str = ""  # the unknown property on which the error of the law depends, in words
-    #: smallest and largest possible `elastic_share`; None if it is exact
-    elastic_shares: tuple[float, float] | None = None
     error: float = 0.0  # of the force, relative, due to the circle in place of an ellipse
     curvature_error: float = 0.0  # of the peak force, relative, by both curvatures on a mesh
     curvature: float = 0.0  # the larger relative one of a contact at a point [1/m]
@@ -134,9 +132,9 @@ def choose_law(one: Surface, other: Surface, restitution: float | None = None) -
         hertz = Hertz(hertz_stiffness(modulus, A, B))
         return at_point(hertz, f"elastic{shape}", None, doubt)
     circle = equivalent_circle(modulus, A, B)
-    share, shares = _elastic_share(soft, materials[soft is materials[0]], modulus)
+    share = _elastic_share(soft, materials[soft is materials[0]], modulus)
     law = ElasticPlastic(circle.modulus, circle.radius, soft.yield_strength, soft.nu, share)
-    return at_point(law, f"elastoplastic{shape}", soft, doubt, shares, circle.error)
+    return at_point(law, f"elastoplastic{shape}", soft, doubt, circle.error)
 
 
 def _hollow_reason(one: Surface, other: Surface) -> str:
@@ -161,16 +159,13 @@ def _strength(matter: Matter) -> float:
     return matter.yield_strength
 
 
-def _elastic_share(
-    soft: Matter, other: Matter, modulus: float
-) -> tuple[float, tuple[float, float] | None]:
-    """(`elastic_share` of the law, bounds on it or None if it is exact); modulus: E* [Pa]."""
+def _elastic_share(soft: Matter, other: Matter, modulus: float) -> float:
+    """`elastic_share` of the law; `modulus`: E* [Pa]."""
     largest_share = 0.0 if other.rigid else (1 - other.nu**2) / other.E * modulus
     ratio = _strength(other) / _strength(soft)
     if largest_share == 0.0 or ratio >= ELASTIC_STRENGTH_RATIO:
-        return largest_share, None
-    share = largest_share * min(sqrt((ratio - 1) / (STRENGTH_RATIO - 1)), 1.0)
-    return share, (0.0, largest_share) if ratio > 1 else None
+        return largest_share
+    return largest_share * min(sqrt((ratio - 1) / (STRENGTH_RATIO - 1)), 1.0)
 
 
 def _axes_angle(first: Surface, second: Surface) -> float:

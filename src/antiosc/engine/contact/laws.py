@@ -409,11 +409,6 @@ class ElasticPlastic(Hysteretic):
         of_force, of_restitution = STRAIN_ERRORS
         return float(force) + of_force * strain, float(restitution) + of_restitution * strain
 
-    def yield_speed(self, mass: float) -> float:
-        """Closing speed [m/s] above which a contact of bodies with a reduced mass [kg] yields."""
-        work = 0.4 * self.yield_force * self.yield_indentation
-        return sqrt(2 * work / checks.positive("mass", mass, "kg"))
-
 
 @dataclass(frozen=True, repr=False)
 class Thornton(Hysteretic):

@@ -1,4 +1,4 @@
-"""Histories as tables and files: CSV, JSON, pandas, and files that can be loaded."""
+"""Histories as tables and files: CSV, JSON, and files that can be loaded."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from antiosc import __version__
-from antiosc.base import checks, errors, files
+from antiosc.base import checks, files
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
@@ -63,19 +63,6 @@ class SavableResults(ReprMixin):
         if path is not None:
             files.write_text(checks.path("path", path), text + "\n", "the results")
         return text
-
-    def to_dataframe(self) -> object:
-        """The table as a pandas DataFrame over time [s]; MissingDependencyError without pandas."""
-        try:
-            import pandas as pd
-        except ImportError:
-            raise errors.MissingDependencyError(
-                "to_dataframe needs pandas: install python3-pandas (or pip install pandas), or use "
-                "columns(), to_csv or to_json."
-            ) from None
-
-        frame = pd.DataFrame(self.columns())
-        return frame.set_index(frame.columns[0])
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the table and the single results to one NumPy `.npz` file; see `load`.
