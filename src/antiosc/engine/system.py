@@ -28,8 +28,6 @@ Array = NDArray[np.float64]
 
 #: Data type of the C structure of a contact, `aom_contact`.
 CONTACT_RECORD = cast("np.dtype[np.void]", np.dtype(library.CContact))
-#: Stored, because ctypes needs 50 µs to make this type again.
-_ONE_CONTACT = library.CContact * 1
 _START_TIME = np.zeros(1)  # the one time of loads that are constant
 LEAST_SPEED_SHARE = (
     1e-4  # of the closing speed that is expected: what begins more slowly begins at rest

@@ -39,9 +39,7 @@ def integrate_reference(assembly: Assembly, duration: float, settings: Settings)
     return run(assembly, duration, settings)
 
 
-def _run_of_nodes(
-    s: System, contacts: Contacts, nodes: Sequence[Array], answer: int, steps: int
-) -> Run:
+def _run_of_nodes(contacts: Contacts, nodes: Sequence[Array], answer: int, steps: int) -> Run:
     """The `Run` of time nodes (time, force, depth, states), with events from `contacts`."""
     events = np.array(contacts.events, dtype=float).reshape(-1, 4)
     time, force, depth, states = nodes
@@ -129,7 +127,7 @@ def run_in_fixed_steps(s: System, step: float, duration: float, settings: Settin
     number = np.arange(2 * len(nodes) - 1)
     before, after = number // 2, (number + 1) // 2  # the middle of a step has the mean of its ends
     columns = [(x[before] + x[after]) / 2 for x in (times, forces, depths)]
-    return _run_of_nodes(s, contacts, (*columns, np.stack(states, axis=1)), status, len(nodes) - 1)
+    return _run_of_nodes(contacts, (*columns, np.stack(states, axis=1)), status, len(nodes) - 1)
 
 
 def _by_fixed_steps(assembly: Assembly, duration: float, settings: Settings) -> Converged:
@@ -247,7 +245,7 @@ class _EventSolver:
 
         columns = zip(pieces[0], *([x[1:] for x in piece] for piece in pieces[1:]), strict=True)
         return _run_of_nodes(
-            s, contacts, [np.concatenate(column) for column in columns], status, steps
+            contacts, [np.concatenate(column) for column in columns], status, steps
         )
 
     def _contact_state(self, t: float, y: Array) -> tuple[Array, Array, Array, Array]:

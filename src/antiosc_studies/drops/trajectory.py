@@ -70,7 +70,7 @@ def trajectory(
         touch = flight.state_at(touch_time)
         _check_lowest_point(body, touch)
         if episodes:
-            _check_depth(body, touch, deepest, setting)
+            _check_depth(body, touch, deepest)
 
         # flights within one impact are shorter than the longest modal period or its first contact
         same_impact = bool(groups) and touch_time < max(
@@ -90,7 +90,7 @@ def trajectory(
         ongoing = contact.ongoing
         # dents of one impact stay when a point parts
         deepest = max(deepest, contact.largest_approach)
-        _check_depth(body, state, deepest, setting)
+        _check_depth(body, state, deepest)
         if _is_at_rest(body, state, ongoing, setting):
             reason = "at rest"
         elif len(episodes) >= contacts:
@@ -110,7 +110,7 @@ def _check_lowest_point(body: FreeBody, state: State) -> None:
         )
 
 
-def _check_depth(body: FreeBody, state: State, approach: float, setting: Setting) -> None:
+def _check_depth(body: FreeBody, state: State, approach: float) -> None:
     """AccuracyError if a point lies deeper below the floor than the largest approach [m] allows."""
     depth = -float(state.heights(body).min())
     if not depth <= approach + LARGEST_SINKING * body.extent:  # not a number is refused too

@@ -402,7 +402,7 @@ def impact_of_recording(
     scanned = scan_pulses(model, relative_sigmas[0])
     fits = most_probable_impacts(model, scanned, unknown, known, monitored.mass, *relative_sigmas)
     scale = COMMON_MODE_ERROR * relative_sigmas[1] if {"mass", "velocity"} & set(unknown) else 0.0
-    return _found_impact(model, scanned, fits, unknown, scale)
+    return _found_impact(model, scanned, fits, scale)
 
 
 # -- the result
@@ -412,7 +412,6 @@ def _found_impact(
     model: SearchModel,
     scanned: PulseScan,
     fits: list[ProbableImpact],
-    unknown: Sequence[str],
     model_error: float,
 ) -> FoundImpact:
     """The result from the best fits, the most probable first.
