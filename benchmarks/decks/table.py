@@ -104,7 +104,7 @@ def _site(part: Any) -> tuple[Any, Any]:
     if part.matrices.assembled:
         return _free_vertex(part)
     gdim = part.mesh.gdim
-    x = part.mesh.dolfinx.geometry.x[compat.entity_vertices(part.mesh.dolfinx, 0)[:, 0]]
+    x = part.mesh.dolfinx.geometry.x[compat.vertex_nodes(part.mesh.dolfinx, 0)[:, 0]]
     held = [np.zeros((0, 3))]
     for path in part.form.components.values():
         dofs, places = compat.dof_coordinates(part.form.space, path)

@@ -237,7 +237,7 @@ def nodes_of(mesh: Mesh, groups: Sequence[str]) -> IntArray:
     from antiosc.fem.platform import compat
 
     vertices = [
-        compat.entity_vertices(mesh.dolfinx, dim)[entities].ravel()
+        compat.vertex_nodes(mesh.dolfinx, dim)[entities].ravel()
         for group in groups
         for dim, entities in mesh.groups[group].items()
     ]

@@ -59,8 +59,8 @@ def part_data(structure: Structure, hit: History) -> Data | None:
     node = skin.node[used_nodes]
     displacements = displacements[node]
     times = np.linspace(0.0, float(hit.run.time[-1]), SAMPLE_COUNT)
-    x = _field_coordinates(hit, times)
-    to_shapes = _shape_factors(hit)
+    x = _field_amplitudes(hit, times)
+    to_shapes = _amplitudes_of_shapes(hit)
     page["held"] = _held_points(displacements).astype(np.uint8)
     motion = displacements @ to_shapes
     page["motion"] = principal_fields(
@@ -186,7 +186,7 @@ def _nodal_averages(tensors: NodeTensors, n: int) -> list[Array]:
     return means
 
 
-def _field_coordinates(hit: History, times: Array) -> Array:
+def _field_amplitudes(hit: History, times: Array) -> Array:
     """Coordinates (n, B) at n times [s], to which displacements are linear.
 
     They are J modal displacements, the contact force [N] and, for second-order forces, products of
@@ -199,8 +199,8 @@ def _field_coordinates(hit: History, times: Array) -> Array:
     return np.column_stack([q, hit.force_at(times), *pairs])
 
 
-def _shape_factors(hit: History) -> Array:
-    """Matrix that maps `_field_coordinates` to amplitudes of the model's shapes."""
+def _amplitudes_of_shapes(hit: History) -> Array:
+    """Matrix that maps `_field_amplitudes` to amplitudes of the model's shapes."""
     _, body = hit.of("structure")
     size = body.omega.size
     q, force = np.split(np.eye(size + 1), [size], axis=1)

@@ -130,7 +130,7 @@ def _line_nodes(mesh: Mesh, held: SupportTable) -> IntArray:
     dim = max((dim for dim in parts if dim < mesh.tdim), default=mesh.tdim)
     if mesh.tdim in parts or dim == mesh.tdim:
         return np.zeros(0, dtype=int)
-    return np.unique(compat.entity_vertices(mesh.dolfinx, dim)[parts[dim]])
+    return np.unique(compat.vertex_nodes(mesh.dolfinx, dim)[parts[dim]])
 
 
 def _group_supports(mesh: Mesh) -> dict[str, SupportTable]:
@@ -160,7 +160,7 @@ def _cells_touching(outer: Faces, parts: Mapping[int, IntArray]) -> BoolArray:
 
     mesh = outer.mesh
     dim = max((dim for dim in parts if dim < mesh.tdim), default=mesh.tdim)
-    nodes = np.unique(compat.entity_vertices(mesh.dolfinx, dim)[parts.get(dim, [])])
+    nodes = np.unique(compat.vertex_nodes(mesh.dolfinx, dim)[parts.get(dim, [])])
     shared = np.isin(outer.vertices, nodes).sum(axis=1)
     return np.isin(outer.facets, parts.get(mesh.tdim, [])) | np.asarray(shared > min(dim, 1))
 

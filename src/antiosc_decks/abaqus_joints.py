@@ -154,7 +154,7 @@ def tied_nodes(
 
 
 def mean_edge(joints: DeckConstraints, surface: DeckFaces) -> float:
-    """Mean length of the edges of faces."""
+    """Mean length of the edges of faces; `joints` knows the places of the nodes."""
     rings = [np.array([joints.place(int(n)) for n in corners]) for corners, _ in surface.faces]
     edges = [np.linalg.norm(x - np.roll(x, 1, axis=0), axis=1).mean() for x in rings]
     return float(np.mean(edges))

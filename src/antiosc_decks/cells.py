@@ -134,7 +134,8 @@ def _nodes_around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) ->
 
 
 def _means_among(table: NodeTable, nodes: IntArray) -> list[tuple[int, list[tuple[int, float]]]]:
-    """[(new node, [(node of the file, weight)])] of new nodes among `nodes` of the file."""
+    """[(new node, [(node of the file, weight)])] of the nodes that the reader added as weighted
+    means of nodes of the file, one of `nodes` at least among them."""
     count = len(table.points)
     held = np.isin(np.arange(count), nodes).astype(float)
     between = np.flatnonzero(abs(table.weights) @ held)

@@ -281,4 +281,4 @@ Physical Surface("sheet") = {1}; Physical Curve("foot") = {1}; Physical Curve(17
 def group_points(mesh: ao.Mesh, name: str, dim: int) -> np.ndarray:
     """Vertices (n, 3) of the entities of a group."""
     entities = mesh.group(name)[dim]
-    return mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, dim)[entities]]
+    return mesh.dolfinx.geometry.x[compat.vertex_nodes(mesh.dolfinx, dim)[entities]]

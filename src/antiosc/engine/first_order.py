@@ -83,7 +83,8 @@ class FirstOrder:
 class StackedModes:
     """The modes of several bodies side by side, some of which have first-order modes."""
 
-    #: omega and decay of each body's free modes, its first-order modes, and their states (2, I)
+    #: of each body: omega and decay (J,) of its free modes; its I first-order modes, or None; their
+    #: states (a, b) (2, I) at the start, or None: as its displacements and velocities have them
     parts: Sequence[tuple[Array, Array, FirstOrder | None, Array | None]]
 
     def __post_init__(self) -> None:

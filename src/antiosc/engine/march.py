@@ -301,7 +301,7 @@ class Converged:
     step_tol: float
     force: float  # relative error of the forces (L2 norm, impulse); inf: unknown, 0: not estimated
     peak: float  # likewise, the larger of `force` and the error of the peak force
-    certain_time: float  # [s]
+    agreed_until: float  # [s]
 
 
 def stop_text(answer: int, t: float, max_contacts: int, max_steps: int) -> str:

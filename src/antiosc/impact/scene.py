@@ -266,7 +266,7 @@ def _integrated_history(
 
     run = converged.run
     still_open = open_contacts(run, assembly.system)
-    errors = converged.force, converged.peak, converged.certain_time
+    errors = converged.force, converged.peak, converged.agreed_until
     end = RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
     status, message = status_of(assembly, end, tol, limits)
 

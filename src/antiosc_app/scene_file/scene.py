@@ -374,7 +374,7 @@ STRUCTURE_NAME = "structure"
 
 
 def set_several_contacts(build: Builder, compiled: CompiledScene) -> None:
-    """Set the calls of `Scene` and of its run as the history."""
+    """Set `compiled.scene` and `compiled.history` to the calls that make a `Scene` and run it."""
     structure = {STRUCTURE_NAME: compiled.model} if structure_section(build) else {}
     if STRUCTURE_NAME in build.section("bodies") and structure:
         build.note(

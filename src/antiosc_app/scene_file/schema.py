@@ -59,7 +59,7 @@ class ValueForm:
 
 
 def _either_form(first: ValueForm | None, second: ValueForm | None) -> ValueForm | None:
-    """`first | second`, where None is no form."""
+    """`first | second`; the other one if one is None."""
     return first | second if first and second else first or second
 
 

@@ -64,7 +64,7 @@ class PointContact(NamedTuple):
             return None
 
     @property
-    def _overload(self) -> float:
+    def _yield_ratio(self) -> float:
         """Force over the force at first yield of the surfaces; 0 if the contact law itself yields,
         or is softer than the surfaces.
         """
@@ -154,10 +154,10 @@ class PointContact(NamedTuple):
             where = " and ".join(names) or "the part"
             return f"the contact yields: {self.dent.text}, in {where}; {self.error_text}"
 
-        if self._overload > 1:
+        if self._yield_ratio > 1:
             return (
-                f"the contact yields: its force is {self._overload:.3g} times that of first yield, "
-                "and the force of this law is too high"
+                f"the contact yields: its force is {self._yield_ratio:.3g} times that of first "
+                "yield, and the force of this law is too high"
             )
 
         return ""

@@ -161,7 +161,7 @@ def compare(
 
 
 def _measured_history(measured: object) -> tuple[Array, Array]:
-    """Times and forces of a measurement."""
+    """Times (n,) [s] and forces (n,) [N] of a measurement: a pair of these, or a table's path."""
     if isinstance(measured, tuple | list) and len(measured) == 2:
         arrays: Mapping[str, object] = dict(zip(("time", "force"), measured, strict=True))
     else:

@@ -243,7 +243,7 @@ def expected_tail(modes: FittedModes, top: float) -> TailModes:
 
 
 def with_tail(modes: FittedModes, tail: TailModes) -> FittedModes:
-    """The body with a tail of expected size; the displacements of its modes have random signs."""
+    """The modes in the band and, with random signs of their displacements, those of the tail."""
     in_band = modes.n_band
     U = len(tail.omega)
     typical = np.median(modes.zeta[:in_band]) if in_band else TAIL_DAMPING

@@ -110,7 +110,7 @@ def test_a_rigid_line_of_a_beam_is_a_rigid_body():
 def test_a_spin_about_a_row_of_nodes_is_fixed_where_no_node_shows_it():
     """Two points of a solid that are rigid by themselves: five motions of the reference point."""
     mesh = box((0, 0, 0), (1, 1, 1), (1, 1, 1))
-    x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, 0)[:, 0]]
+    x = mesh.dolfinx.geometry.x[compat.vertex_nodes(mesh.dolfinx, 0)[:, 0]]
     row = np.flatnonzero((x[:, 0] < 0.5) & (x[:, 2] < 0.5)).astype(np.int32)
     mesh = Mesh(mesh.dolfinx, {**mesh.groups, "row": {0: row}}, mesh.name)
     block = ao.Structure(mesh, SOLID, [ao.Support("z1")], order=1)

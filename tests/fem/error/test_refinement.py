@@ -41,7 +41,7 @@ def some(cell: str) -> ao.Mesh:
         mesh = box((3, 2, 2), (0.3, 0.2, 0.2), cell)
     x = centres(mesh)
     corner = np.flatnonzero(np.linalg.norm(mesh.dolfinx.geometry.x, axis=1) < 1e-12)
-    nodes = compat.entity_vertices(mesh.dolfinx, 0)[:, 0]
+    nodes = compat.vertex_nodes(mesh.dolfinx, 0)[:, 0]
     more = {
         "half": {mesh.tdim: np.flatnonzero(x[:, 0] < 0.15).astype(np.int32)},
         "corner": {0: np.flatnonzero(nodes == corner[0]).astype(np.int32)},
@@ -55,7 +55,7 @@ def centres(mesh: ao.Mesh) -> np.ndarray:
 
 def content(mesh: ao.Mesh, name: str, dim: int) -> float:
     """Length, area or volume of a group."""
-    rows = compat.entity_vertices(mesh.dolfinx, dim)[mesh.group(name)[dim]]
+    rows = compat.vertex_nodes(mesh.dolfinx, dim)[mesh.group(name)[dim]]
     corners = mesh.dolfinx.geometry.x[rows]
     sides = corners[:, 1:] - corners[:, :1]
     gram = np.linalg.det(sides @ sides.transpose(0, 2, 1))

@@ -117,7 +117,7 @@ def test_solid_geometry_is_meshed_with_curved_cells(tmp_path, suffix):
 
 def longest_edges_near(mesh: ao.Mesh, point, radius: float) -> np.ndarray:
     """Longest edge of every cell that has a vertex within `radius` of the point."""
-    vertices = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, mesh.tdim)]
+    vertices = mesh.dolfinx.geometry.x[compat.vertex_nodes(mesh.dolfinx, mesh.tdim)]
     near = np.linalg.norm(vertices - np.resize(point, 3), axis=2).min(axis=1) <= radius
     edges = np.linalg.norm(vertices[:, :, None] - vertices[:, None], axis=3)
     return edges.max(axis=(1, 2))[near]

@@ -254,7 +254,7 @@ class Mesh(ReprMixin):
         end = (low if name[0] == "-" else high)[axis]
         dim = self.tdim - 1
         tolerance = SIDE_DISTANCE * self.extent()
-        nodes = compat.entity_vertices(self.dolfinx, dim)
+        nodes = compat.vertex_nodes(self.dolfinx, dim)
         x = np.asarray(self.dolfinx.geometry.x)[:, axis]
         facets = np.flatnonzero((np.abs(x[nodes] - end) < tolerance).all(axis=1)).astype(np.int32)
         flat = high[axis] - low[axis] < tolerance
@@ -293,7 +293,7 @@ def local_groups(
     for dim in sorted({dim for parts in wanted.values() for dim in parts}):
         names = [name for name, parts in wanted.items() if dim in parts]
         rows = [wanted[name][dim] for name in names]
-        at = row_positions(np.vstack(rows), numbers[compat.entity_vertices(mesh, dim)])
+        at = row_positions(np.vstack(rows), numbers[compat.vertex_nodes(mesh, dim)])
         parts = np.split(at, np.cumsum([len(part) for part in rows])[:-1])
         for name, entities in zip(names, parts, strict=True):
             groups[name][dim] = np.unique(entities[entities >= 0]).astype(np.int32)

@@ -295,7 +295,7 @@ def gathered(mesh: Mesh, values: Array) -> tuple[RawMesh, Array] | None:
     cells = number[compat.geometry_nodes(mesh.dolfinx)[:count]]
     groups = {
         name: {
-            dim: number[compat.entity_vertices(mesh.dolfinx, dim)[entities]]
+            dim: number[compat.vertex_nodes(mesh.dolfinx, dim)[entities]]
             for dim, entities in sorted(parts.items())
         }
         for name, parts in mesh.groups.items()
@@ -343,7 +343,7 @@ def bisected_once(raw: RawMesh, values: Array) -> tuple[RawMesh, Array]:
         turned = np.einsum("ci,ci->c", _normals(x[cells]), _normals(old_corners[parent])) < 0
         cells[turned] = cells[turned][:, [0, 2, 1]]
     sizes = _mean_edges(old_corners)[parent] / _mean_edges(x[cells])
-    groups = _groups_of_division(raw.groups, support, lambda dim: compat.entity_vertices(new, dim))
+    groups = _groups_of_division(raw.groups, support, lambda dim: compat.vertex_nodes(new, dim))
     labels = np.where(support[:, 0] == support[:, 1], raw.labels[support[:, 0]], UNLABELLED)
     new_mesh = replace(raw, points=x, cells=cells, groups=groups, labels=labels)
     return new_mesh, values[parent] * sizes
@@ -366,8 +366,8 @@ def _supporting_nodes(raw: RawMesh, x: Array) -> IntArray:
 
 
 def _old_points_under(support: IntArray, entities: IntArray) -> IntArray:
-    """Vertices (n, k) of the old entity that contains each new entity (n, k); -1 if only an
-    entity of higher dimension does."""
+    """Vertices (n, k) of the old entity that contains each new entity (n, k); -1 if only an entity
+    of higher dimension does. `support` (points, s): old points between which each point lies."""
     k = entities.shape[1]
     rows = np.sort(support[entities].reshape(len(entities), -1), axis=1)
     first = rows >= 0

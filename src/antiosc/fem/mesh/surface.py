@@ -334,7 +334,7 @@ class Entities(CellEntities):
     @cached_property
     def vertices(self) -> IntArray:
         """Numbers (F, v) of the geometry nodes at the vertices."""
-        return compat.entity_vertices(self.mesh.dolfinx, self.dim)[self.numbers]
+        return compat.vertex_nodes(self.mesh.dolfinx, self.dim)[self.numbers]
 
     @cached_property
     def corners(self) -> Array:
@@ -609,7 +609,7 @@ def volume_and_surface(mesh: Mesh) -> tuple[float, float]:
     cells = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_index_map(mesh.dolfinx).size_local]
     cells = cells[:, : len(mesh.geometry.corners)]
     facets = compat.exterior_facets(mesh.dolfinx)
-    sides = compat.entity_vertices(mesh.dolfinx, mesh.tdim - 1)[facets]
+    sides = compat.vertex_nodes(mesh.dolfinx, mesh.tdim - 1)[facets]
     x = mesh.dolfinx.geometry.x
     of_rank = np.array([_measure(x[cells], mesh.tdim), _measure(x[sides], mesh.tdim - 1)])
     volume, surface = mesh.comm.allreduce(of_rank)

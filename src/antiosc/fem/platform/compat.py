@@ -141,7 +141,7 @@ def _table(connections: dolfinx.graph.AdjacencyList | IntArray, width: int) -> I
     return np.asarray(getattr(connections, "array", connections)).reshape(-1, width)
 
 
-def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
+def vertex_nodes(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
     """Geometry nodes (entities, v) at the vertices of this rank's entities of dimension `dim`."""
     mesh.topology.create_entities(dim)
     mesh.topology.create_connectivity(dim, mesh.topology.dim)

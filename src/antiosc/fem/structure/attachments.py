@@ -302,7 +302,7 @@ def attachment_motions(
                 f"entities of dimension {', '.join(str(dim) for dim in sorted(group))}."
             )
         owned_nodes = owned_entities(mesh, 0, group[0])
-        x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, 0)[owned_nodes, 0]]
+        x = mesh.dolfinx.geometry.x[compat.vertex_nodes(mesh.dolfinx, 0)[owned_nodes, 0]]
         points = np.vstack(mesh.comm.allgather(x))
     elif len(where) < mesh.gdim:
         raise InputError(

@@ -154,7 +154,8 @@ class Member:
         return np.unique(np.asarray(dofs) // self.block)
 
     def points_of(self, group: str) -> WeightedPoints:
-        """Quadrature points on the highest-dimensional entities of a group; `x` in the assembly."""
+        """Quadrature points on the highest-dimensional entities of a group; `x` in the axes of the
+        assembly."""
         mesh = self.part.mesh
         points = quadrature(mesh, *largest_entities(mesh, group), GROUP_DEGREE)
         return replace(points, x=self.at.placed(points.x))

@@ -223,7 +223,7 @@ class NumberedNodes:
         is_selected = mesh.numbered(self.numbers)
         entities: dict[int, IntArray] = {}
         for dim in range(mesh.tdim):
-            selected = is_selected[compat.entity_vertices(mesh.dolfinx, dim)].all(axis=1)
+            selected = is_selected[compat.vertex_nodes(mesh.dolfinx, dim)].all(axis=1)
             entities[dim] = np.flatnonzero(selected).astype(np.int32)
         return entities
 

@@ -29,10 +29,9 @@ class RunEnd(NamedTuple):
     time: float  # time reached [s]
     touches: int  # number of touches
     closed_contacts: Sequence[int]  # numbers of the contacts still closed
-    #: force, peak, certain_time: relative errors, and time [s] up to which runs agree (`Converged`)
-    force: float
-    peak: float
-    certain_time: float
+    force: float  # relative error of the force, as of `Converged`
+    peak: float  # relative error of its peak
+    agreed_until: float  # time [s] up to which two runs agree
 
 
 def open_contacts(run: Run, system: System) -> list[int]:
@@ -88,8 +87,8 @@ def inexact_message(ended: RunEnd | Converged, tol: float, max_steps: int) -> st
     if worst == np.inf:
         told = f"The error is not known: max_steps = {max_steps} leaves no finer run to the end."
     agreement = ""
-    if ended.certain_time > 0:
-        agreement = f" Up to {ended.certain_time:.4g} s runs agree."
+    if ended.agreed_until > 0:
+        agreement = f" Up to {ended.agreed_until:.4g} s runs agree."
     return f"{told}{agreement} Raise max_steps, or shorten the duration."
 
 

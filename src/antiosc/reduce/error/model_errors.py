@@ -375,7 +375,7 @@ def flat_cells_note(part: MeshedStructure) -> str:
     dim, entities = mesh.tdim, np.arange(compat.cell_index_map(mesh.dolfinx).size_local)
     if part.kind.outside:
         dim, entities = mesh.tdim - 1, compat.exterior_facets(mesh.dolfinx)
-    angles = _angles(mesh.dolfinx.geometry.x, compat.entity_vertices(mesh.dolfinx, dim)[entities])
+    angles = _angles(mesh.dolfinx.geometry.x, compat.vertex_nodes(mesh.dolfinx, dim)[entities])
     small = angles[(angles > SMOOTH_ANGLES[0]) & (angles < SMOOTH_ANGLES[1])]
     largest = max(mesh.comm.allgather(float(small.max(initial=0.0))))
     if not largest:

@@ -349,7 +349,8 @@ class ReleasedSupports:
         self._rigid = matrices.places.rigid_motions(np.zeros(3))[:, :3]
 
     def inertia(self, following: Array) -> tuple[Array, Array]:
-        """(M g, M r); g: support motions + response `following` (rows, 6 S), r: translations."""
+        """(M g, M r): g (dofs, 6 S): unit motions of the S supports with the response `following`
+        (rows, 6 S) of the free dofs, r (dofs, 3): unit translations of the structure."""
         self._motions = self._motions + self._of.expanded(following)
         return self._forces("M", self._motions), self._forces("M", self._rigid)
 

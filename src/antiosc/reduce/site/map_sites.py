@@ -323,7 +323,8 @@ def surface_sample(structure: MeshedStructure, group: str | None) -> SurfaceSamp
 
 
 def checked_points(points: object, direction: object) -> Array:
-    """The argument `where` of a map as points (P, 3); InputError if it is not a list of points."""
+    """The argument `where` of a map as points (P, 3); InputError if it is no list of points, or the
+    `direction` of the impacts is None."""
     if direction is None:
         raise InputError("points need the direction of impact, as (0, 0, -1).")
     coordinates = floats("where, if no group's name, the points,", points, None)
