@@ -32,18 +32,20 @@ typedef struct afe_tetra {
     const void *data;     /* [groups][AFE_TETRA_DATA][AFE_LANES] in the precision of the product */
 } afe_tetra;
 
-#define AFE_POINT_DATA 11 /* numbers of a point of `stiffness` below */
+#define AFE_CONSTANTS 3
+#define AFE_POINT_DATA 5
 
-/* Curved ones, in the same groups, by quadrature. Of a point in a cell: the gradients of its three
- * reference coordinates and, times the weight, Lamé's constants; of one for M: density times weight. */
+/* Curved ones by quadrature, in the same groups; where the last group is not full it repeats a cell
+ * without constants. A point has its barycentric coordinates and its weight. */
 typedef struct afe_curved {
     int64_t n_groups;
     const int32_t *nodes;       /* as above */
-    int64_t n_points, n_masses; /* in a cell: points for K, points for M */
-    const void *gradients;      /* [n_points][10][3] of the shape functions along the reference axes */
+    const void *constants;      /* [groups][AFE_CONSTANTS][AFE_LANES] Lamé's and the density, each < 0
+                                 * where the cell turns the reference axes over */
+    const void *x;              /* [nodes][3] positions, and AFE_BEYOND numbers more */
+    int64_t n_points, n_masses; /* of K and of M */
+    const void *points, *mass_points; /* [n][AFE_POINT_DATA] */
     const void *values;         /* [n_masses][10] of the shape functions */
-    const void *points;         /* [groups][n_points][AFE_POINT_DATA][AFE_LANES] */
-    const void *masses;         /* [groups][n_masses][AFE_LANES] */
 } afe_curved;
 
 /* out += (k K + m M) u, both [nodes][3] and AFE_BEYOND numbers more, which stay */

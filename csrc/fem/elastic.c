@@ -3,7 +3,8 @@
  * Strains are linear in a straight cell: their values at the corners v give its stresses σ_v, and
  * ∫ σ:δε = V/20 Σ_v (σ_v + Σ_w σ_w):δε_v. With λ_i the barycentric coordinates and u_ij the value in
  * the middle of an edge, grad u at corner v is Σ_i c_vi ⊗ grad λ_i, c_vv = 3 u_v, c_vi = 4 u_vi - u_i.
- * Curved cells are integrated by quadrature.
+ * Curved cells are integrated by quadrature: the slopes of u and x along the reference axes are linear
+ * in a cell, which their values at the corners give too.
  */
 #include "internal.h"
 
@@ -34,11 +35,16 @@ static const int PLACE[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
 #define taken NAMED(taken, REAL)
 #define gather_node NAMED(gather_node, REAL)
 #define scatter_node NAMED(scatter_node, REAL)
+#define corner_slopes NAMED(corner_slopes, REAL)
+#define node_forces NAMED(node_forces, REAL)
 #define slopes NAMED(slopes, REAL)
 #define stresses NAMED(stresses, REAL)
 #define forces NAMED(forces, REAL)
 #define corner_forces NAMED(corner_forces, REAL)
 #define inertia NAMED(inertia, REAL)
+#define interpolated NAMED(interpolated, REAL)
+#define adjugate NAMED(adjugate, REAL)
+#define gather_slopes NAMED(gather_slopes, REAL)
 #define stiffness_at NAMED(stiffness_at, REAL)
 #define inertia_at NAMED(inertia_at, REAL)
 #define smooth_blocks NAMED(smooth_blocks, REAL)
@@ -83,11 +89,16 @@ static const int PLACE[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
 #undef taken
 #undef gather_node
 #undef scatter_node
+#undef corner_slopes
+#undef node_forces
 #undef slopes
 #undef stresses
 #undef forces
 #undef corner_forces
 #undef inertia
+#undef interpolated
+#undef adjugate
+#undef gather_slopes
 #undef stiffness_at
 #undef inertia_at
 #undef smooth_blocks

@@ -52,19 +52,43 @@ INLINE void taken(const REAL *values, int count, wide *own) {
         memcpy(own + i, values + i * AFE_LANES, sizeof *own);
 }
 
+/* slopes c of u_a along the reference axes at corner v */
+INLINE void corner_slopes(wide u[NODES][3], int v, int a, wide c[3]) {
+    wide along[CORNERS];
+    for (int i = 0; i < CORNERS; i++)
+        along[i] = i == v ? 3.0 * u[v][a] : 4.0 * u[BETWEEN[v][i]][a] - u[i][a];
+    for (int i = 1; i < CORNERS; i++)
+        c[i - 1] = along[i] - along[0];
+}
+
+/* forces along a at the nodes, of stresses c along the reference axes at the corners: the transpose of
+ * `corner_slopes` */
+INLINE void node_forces(wide c[CORNERS][3], int a, wide f[NODES][3]) {
+    wide along[CORNERS][CORNERS];
+    for (int v = 0; v < CORNERS; v++) {
+        along[v][0] = -(c[v][0] + c[v][1] + c[v][2]);
+        for (int i = 1; i < CORNERS; i++)
+            along[v][i] = c[v][i - 1];
+    }
+    for (int v = 0; v < CORNERS; v++) {
+        f[v][a] = 3.0 * along[v][v];
+        for (int w = 0; w < CORNERS; w++)
+            if (w != v)
+                f[v][a] -= along[w][v];
+        for (int w = 0; w < v; w++)
+            f[BETWEEN[v][w]][a] = 4.0 * (along[v][w] + along[w][v]);
+    }
+}
+
 /* slopes H[v][a][b] of u_a along b at the corners v, from grad λ_1, λ_2, λ_3 */
 INLINE void slopes(wide u[NODES][3], const wide *grad, wide H[CORNERS][3][3]) {
-    for (int a = 0; a < 3; a++) {
+    for (int a = 0; a < 3; a++)
         for (int v = 0; v < CORNERS; v++) {
-            wide c[CORNERS];
-            for (int i = 0; i < CORNERS; i++)
-                c[i] = i == v ? 3.0 * u[v][a] : 4.0 * u[BETWEEN[v][i]][a] - u[i][a];
-            for (int i = 1; i < CORNERS; i++)
-                c[i] -= c[0];
+            wide c[3];
+            corner_slopes(u, v, a, c);
             for (int b = 0; b < 3; b++)
-                H[v][a][b] = c[1] * grad[b] + c[2] * grad[3 + b] + c[3] * grad[6 + b];
+                H[v][a][b] = c[0] * grad[b] + c[1] * grad[3 + b] + c[2] * grad[6 + b];
         }
-    }
 }
 
 /* stresses at the corners, with their sum over the corners added, in the order of PLACE */
@@ -88,22 +112,13 @@ INLINE void stresses(wide H[CORNERS][3][3], REAL k, const wide *data, wide T[COR
 /* forces of stresses at the nodes: the transpose of `slopes` */
 INLINE void forces(wide T[CORNERS][6], const wide *grad, wide f[NODES][3]) {
     for (int a = 0; a < 3; a++) {
-        wide c[CORNERS][CORNERS];
-        for (int v = 0; v < CORNERS; v++) {
-            for (int i = 1; i < CORNERS; i++) {
-                const wide *g = grad + 3 * i - 3;
+        wide c[CORNERS][3];
+        for (int v = 0; v < CORNERS; v++)
+            for (int i = 0; i < 3; i++) {
+                const wide *g = grad + 3 * i;
                 c[v][i] = T[v][PLACE[a][0]] * g[0] + T[v][PLACE[a][1]] * g[1] + T[v][PLACE[a][2]] * g[2];
             }
-            c[v][0] = -(c[v][1] + c[v][2] + c[v][3]);
-        }
-        for (int v = 0; v < CORNERS; v++) {
-            f[v][a] = 3.0 * c[v][v];
-            for (int w = 0; w < CORNERS; w++)
-                if (w != v)
-                    f[v][a] -= c[w][v];
-            for (int w = 0; w < v; w++)
-                f[BETWEEN[v][w]][a] = 4.0 * (c[v][w] + c[w][v]);
-        }
+        node_forces(c, a, f);
     }
 }
 
@@ -152,65 +167,95 @@ void NAMED(afe_tetra_product, REAL)(const afe_tetra *of, REAL k, REAL m, const R
     }
 }
 
-/* f += k K u of a quadrature point, with the gradients of the shape functions along the reference axes */
-INLINE void stiffness_at(REAL k, wide u[NODES][3], const REAL *table, const wide *data, wide f[NODES][3]) {
-    wide H[3][3], T[3][3], along[3];
-    for (int a = 0; a < 3; a++) {
+/* what is linear along the reference axes, from its values at the corners, at barycentric coordinates */
+INLINE void interpolated(wide slope[3][CORNERS][3], const REAL *at, wide out[3][3]) {
+    for (int a = 0; a < 3; a++)
         for (int c = 0; c < 3; c++)
-            along[c] = table[c] * u[0][a];
-        for (int n = 1; n < NODES; n++)
-            for (int c = 0; c < 3; c++)
-                along[c] += table[3 * n + c] * u[n][a];
-        for (int b = 0; b < 3; b++)
-            H[a][b] = along[0] * data[b] + along[1] * data[3 + b] + along[2] * data[6 + b];
-    }
+            out[a][c] = at[0] * slope[a][0][c] + at[1] * slope[a][1][c] + at[2] * slope[a][2][c] +
+                        at[3] * slope[a][3][c];
+}
 
-    wide mean = k * data[9] * (H[0][0] + H[1][1] + H[2][2]), shear = k * data[10];
-    for (int a = 0; a < 3; a++) {
+/* det J and, times it, the inverse of J */
+INLINE void adjugate(wide J[3][3], wide adj[3][3], wide *det) {
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) {
+            int c = (b + 1) % 3, d = (b + 2) % 3, e = (a + 1) % 3, g = (a + 2) % 3;
+            adj[a][b] = J[c][e] * J[d][g] - J[c][g] * J[d][e];
+        }
+    *det = J[0][0] * adj[0][0] + J[0][1] * adj[1][0] + J[0][2] * adj[2][0];
+}
+
+/* add to the stresses `sum` along the reference axes at the corners those of a quadrature point: its
+ * barycentric coordinates and weight; slopes [a][v][axis] of u and x; constants as of afe_curved */
+INLINE void stiffness_at(REAL k, wide u[3][CORNERS][3], wide x[3][CORNERS][3], const REAL *at,
+                         const wide *constants, wide sum[3][CORNERS][3]) {
+    wide J[3][3], adj[3][3], det, along[3][3], H[3][3];
+    interpolated(x, at, J);
+    interpolated(u, at, along);
+    adjugate(J, adj, &det);
+    wide factor = k * at[CORNERS] / det;
+    for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++)
-            T[a][b] = shear * (H[a][b] + H[b][a]);
-        T[a][a] += mean;
-        for (int c = 0; c < 3; c++)
-            along[c] = T[a][0] * data[3 * c] + T[a][1] * data[3 * c + 1] + T[a][2] * data[3 * c + 2];
-        for (int n = 0; n < NODES; n++)
-            for (int c = 0; c < 3; c++)
-                f[n][a] += table[3 * n + c] * along[c];
+            H[a][b] = along[a][0] * adj[0][b] + along[a][1] * adj[1][b] + along[a][2] * adj[2][b];
+
+    wide mean = factor * constants[0] * (H[0][0] + H[1][1] + H[2][2]), shear = factor * constants[1];
+    for (int a = 0; a < 3; a++) {
+        wide T[3];
+        for (int b = 0; b < 3; b++)
+            T[b] = shear * (H[a][b] + H[b][a]);
+        T[a] += mean;
+        for (int c = 0; c < 3; c++) {
+            wide own = T[0] * adj[c][0] + T[1] * adj[c][1] + T[2] * adj[c][2];
+            for (int v = 0; v < CORNERS; v++)
+                sum[a][v][c] += at[v] * own;
+        }
     }
 }
 
-/* f += m M u of a quadrature point of this mass, with the values of the shape functions */
-INLINE void inertia_at(REAL m, wide u[NODES][3], const REAL *table, const wide *mass, wide f[NODES][3]) {
+/* f += m M u of a quadrature point as above, with the values of the shape functions */
+INLINE void inertia_at(REAL m, wide u[NODES][3], wide x[3][CORNERS][3], const REAL *at, const REAL *values,
+                       const wide *constants, wide f[NODES][3]) {
+    wide J[3][3], adj[3][3], det;
+    interpolated(x, at, J);
+    adjugate(J, adj, &det);
+    wide mass = m * at[CORNERS] * constants[2] * det;
     for (int a = 0; a < 3; a++) {
-        wide motion = table[0] * u[0][a];
+        wide motion = values[0] * u[0][a];
         for (int n = 1; n < NODES; n++)
-            motion += table[n] * u[n][a];
-        motion *= m * mass[0];
+            motion += values[n] * u[n][a];
+        motion *= mass;
         for (int n = 0; n < NODES; n++)
-            f[n][a] += table[n] * motion;
+            f[n][a] += values[n] * motion;
     }
+}
+
+/* u and its slopes [a][v][axis] along the reference axes at the corners */
+INLINE void gather_slopes(const REAL *u, const int32_t *nodes, wide own[NODES][3], wide slope[3][CORNERS][3]) {
+    for (int n = 0; n < NODES; n++)
+        gather_node(u, nodes + n * AFE_LANES, own[n]);
+    for (int a = 0; a < 3; a++)
+        for (int v = 0; v < CORNERS; v++)
+            corner_slopes(own, v, a, slope[a][v]);
 }
 
 FOR_PROCESSORS
 void NAMED(afe_curved_product, REAL)(const afe_curved *of, REAL k, REAL m, const REAL *u, REAL *out) {
-    const REAL *gradients = of->gradients, *values = of->values;
+    const REAL *points = of->points, *mass_points = of->mass_points, *values = of->values;
     for (int64_t cell = 0; cell < of->n_groups * AFE_LANES; cell += LANES) {
         const int32_t *nodes = of->nodes + PLACE_OF(cell, NODES);
-        const REAL *points = (const REAL *)of->points + PLACE_OF(cell, of->n_points * AFE_POINT_DATA);
-        const REAL *masses = (const REAL *)of->masses + PLACE_OF(cell, of->n_masses);
-        wide own[NODES][3], f[NODES][3], data[AFE_POINT_DATA];
-        for (int n = 0; n < NODES; n++)
-            gather_node(u, nodes + n * AFE_LANES, own[n]);
-        memset(f, 0, sizeof f);
-        if (k != 0.0)
-            for (int64_t q = 0; q < of->n_points; q++) {
-                taken(points + q * AFE_POINT_DATA * AFE_LANES, AFE_POINT_DATA, data);
-                stiffness_at(k, own, gradients + q * NODES * 3, data, f);
-            }
-        if (m != 0.0)
-            for (int64_t q = 0; q < of->n_masses; q++) {
-                taken(masses + q * AFE_LANES, 1, data);
-                inertia_at(m, own, values + q * NODES, data, f);
-            }
+        wide own[NODES][3], f[NODES][3], along_u[3][CORNERS][3], along_x[3][CORNERS][3];
+        wide sum[3][CORNERS][3], constants[AFE_CONSTANTS];
+        taken((const REAL *)of->constants + PLACE_OF(cell, AFE_CONSTANTS), AFE_CONSTANTS, constants);
+        gather_slopes(of->x, nodes, own, along_x);
+        gather_slopes(u, nodes, own, along_u);
+
+        memset(sum, 0, sizeof sum);
+        for (int64_t q = 0; q < of->n_points && k != 0.0; q++)
+            stiffness_at(k, along_u, along_x, points + q * AFE_POINT_DATA, constants, sum);
+        for (int a = 0; a < 3; a++)
+            node_forces(sum[a], a, f);
+        for (int64_t q = 0; q < of->n_masses && m != 0.0; q++)
+            inertia_at(m, own, along_x, mass_points + q * AFE_POINT_DATA, values + q * NODES, constants, f);
         for (int n = 0; n < NODES; n++)
             scatter_node(f[n], nodes + n * AFE_LANES, out);
     }

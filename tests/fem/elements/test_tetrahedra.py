@@ -85,6 +85,20 @@ def test_products_are_those_of_the_entries(order):
     np.testing.assert_array_equal(multiply(A, block)[:, 4], multiply(A, block[:, 4]))
 
 
+def test_smoothing_in_single_precision_does_not_see_where_the_part_is():
+    mesh = skewed(2)
+    mesh.dolfinx.geometry.x[:] += 1e3
+    cells = ao.Structure(mesh, STEEL).K.getAttr(CELLS_KEY).cells.simplified()
+    u = cells.vector(np.float64)
+    u[:] = np.random.default_rng(0).standard_normal(len(u))
+    found, exact = cells.vector(np.float32), cells.vector(np.float64)
+    cells.add(1.0, 1e9, u, exact)
+    single = cells.vector(np.float32)
+    single[:] = u
+    cells.add(1.0, 1e9, single, found)
+    np.testing.assert_allclose(found, exact, rtol=0, atol=1e-5 * abs(exact).max())
+
+
 CARRIED = [
     ao.PointMass((0.0, 0.1, 0.08), mass=1.0),
     ao.Spring((0.2, 0.05, 0.04), {"y": 1e12, "z": 1e9}),

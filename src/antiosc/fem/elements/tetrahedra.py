@@ -17,7 +17,7 @@ from copy import copy
 from ctypes import Structure, byref, c_double, c_float, c_int64, c_void_p
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from petsc4py import PETSc
@@ -36,14 +36,16 @@ NO_DOFS = np.zeros(0, dtype=np.int32)
 LEAST_CELLWISE_DOFS = 20_000
 #: `AFE_BEYOND` of the C library: numbers behind a vector that a kernel may read
 VECTOR_PADDING = 5
-#: `AFE_LANES` and `AFE_POINT_DATA` of the C library
-SIMD_LANES, POINT_DATA_SIZE = 8, 11
+#: `AFE_LANES` of the C library
+SIMD_LANES = 8
 #: Degree of the quadrature of curved cells in the smoothing of multigrid: solves take as many
-#: iterations as with the weak form's, and a product 48 ns a cell in place of 120. As straight cells
+#: iterations as with the weak form's, and a product 31 ns a cell in place of 70. As straight cells
 #: they take 30, 17, 16 iterations for 21, 14, 14 (a third, a sixth and an eighth of all curved).
 SMOOTHING_DEGREE = 2
 #: For each node of a cell in dolfinx's order: its corner, or the two corners that it lies between.
 NODE_CORNERS = ((0,), (1,), (2,), (3,), (2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))
+#: Barycentric coordinates (10, 4) of these nodes.
+BARYCENTRIC = np.array([[(v in ends) / len(ends) for v in range(4)] for ends in NODE_CORNERS])
 #: A quadrature rule: shape functions (points, 10), their gradients (points, 10, 3), weights.
 QuadratureRule = tuple[Array, Array, Array]
 
@@ -58,7 +60,7 @@ class Cells(ABC):
 
     def __init__(self, nodes: IntArray) -> None:
         self.nodes = nodes
-        self._in_lanes = padded_lanes(nodes.astype(np.int32))
+        self._in_lanes = padded_lanes(nodes.astype(np.int32), "edge")
         self._arguments: dict[np.dtype[Any], tuple[Structure, list[Array]]] = {}
 
     @abstractmethod
@@ -158,43 +160,41 @@ class CurvedCells(Cells):
     ) -> None:
         super().__init__(nodes)
         self.given = nodes, x, constants
-        _, self._gradients, weights = for_k
-        values, gradients, mass_weights = for_m
-        self._values = np.ascontiguousarray(values)
+        self._rules = for_k, for_m
+        self._values = np.ascontiguousarray(for_m[0])
 
-        # J = dx/dX: the gradients of X are the rows of the inverse
-        J = np.einsum("cni,qna->cqia", x, self._gradients, optimize=True)
-        volumes = weights * np.abs(np.linalg.det(J))
-        scaled = volumes[:, :, None] * constants[:, None, :2]
-        points = np.concatenate([np.linalg.inv(J).reshape(*volumes.shape, 9), scaled], axis=2)
-        self._points = padded_lanes(points.reshape(len(x), -1))
-
-        J = np.einsum("cni,qna->cqia", x, gradients, optimize=True)
-        volumes = mass_weights * np.abs(np.linalg.det(J))
-        self._masses = padded_lanes(volumes * constants[:, 2:])
+        side = np.sign(np.linalg.det(x[:, 1:4] - x[:, :1]))
+        self._constants = padded_lanes(constants * side[:, None])
+        centre = x.mean(axis=(0, 1)) if len(x) else 0.0  # for single precision
+        positions = np.zeros((nodes.max(initial=0) + 1, 3))
+        positions[nodes] = x - centre
+        self._positions = np.append(positions, np.zeros(VECTOR_PADDING))
 
     @property
     def _arrays(self) -> Sequence[Array]:
-        return [self._gradients, self._values, self._points, self._masses]
+        points = [np.column_stack([rule[0] @ BARYCENTRIC, rule[2]]) for rule in self._rules]
+        return [self._constants, self._positions, *points, self._values]
 
     def _argument(self, nodes: int, arrays: Sequence[int]) -> Structure:
-        counts = len(self._gradients), len(self._values)
-        return CCurved(len(self._in_lanes), nodes, *counts, *arrays)
+        counts = [len(rule[2]) for rule in self._rules]
+        return CCurved(len(self._in_lanes), nodes, *arrays[:2], *counts, *arrays[2:])
 
     def blocks(self, k: float, m: float) -> Iterator[Array]:
-        count = len(self.nodes)
-        shape = -1, len(self._gradients), POINT_DATA_SIZE
-        points = self._points.transpose(0, 2, 1).reshape(shape)[:count]
-        masses = self._masses.transpose(0, 2, 1).reshape(-1, len(self._values))[:count]
-        inverse = points[:, :, :9].reshape(count, -1, 3, 3)
+        _, x, constants = self.given
+        (_, gradients, weights), (values, mass_gradients, mass_weights) = self._rules
+
+        # J = dx/dX: the gradients of X are the rows of the inverse
+        J = np.einsum("cni,qna->cqia", x, gradients, optimize=True)
+        volumes = k * weights * np.abs(np.linalg.det(J))
+        inverse = np.linalg.inv(J)
+        J = np.einsum("cni,qna->cqia", x, mass_gradients, optimize=True)
+        masses = m * mass_weights * np.abs(np.linalg.det(J)) * constants[:, 2:]
 
         for node in range(len(NODE_CORNERS)):
-            slopes = np.einsum("qa,cqai->cqi", self._gradients[:, node], inverse)
-            lame, shear = (
-                k * (constant[:, :, None] * slopes).transpose(0, 2, 1) @ slopes
-                for constant in (points[:, :, 9], points[:, :, 10])
-            )
-            yield _diagonal_blocks(lame, shear, m * masses @ self._values[:, node] ** 2)
+            slopes = np.einsum("qa,cqai->cqi", gradients[:, node], inverse)
+            squares = (volumes[:, :, None] * slopes).transpose(0, 2, 1) @ slopes
+            lame, shear = (constants[:, i, None, None] * squares for i in (0, 1))
+            yield _diagonal_blocks(lame, shear, masses @ values[:, node] ** 2)
 
 
 def _diagonal_blocks(lame: Array, shear: Array, inertia: Array) -> Array:
@@ -222,12 +222,10 @@ def _mean_gradient_products(slopes: Array, ends: Sequence[int]) -> Array:
     return np.asarray(0.8 * sum(squares))
 
 
-def padded_lanes(values: Array) -> Array:
-    """Values of cells (n, k) padded with zeros, as (groups, k, `SIMD_LANES`)."""
-    groups = -(-len(values) // SIMD_LANES)
-    full = np.zeros((groups * SIMD_LANES, values.shape[1]), values.dtype)
-    full[: len(values)] = values
-    lanes = full.reshape(groups, SIMD_LANES, values.shape[1])
+def padded_lanes(values: Array, mode: Literal["constant", "edge"] = "constant") -> Array:
+    """Values of cells (n, k), padded by zeros or by the last cell, as (groups, k, `SIMD_LANES`)."""
+    full = np.pad(values, ((0, -len(values) % SIMD_LANES), (0, 0)), mode)
+    lanes = full.reshape(-1, SIMD_LANES, values.shape[1])
     return np.ascontiguousarray(lanes.transpose(0, 2, 1))
 
 
@@ -242,8 +240,9 @@ class CCurved(Structure):
 
     _fields_ = [
         *(("n_groups", c_int64), ("nodes", c_void_p)),
+        *((name, c_void_p) for name in ("constants", "x")),
         *((name, c_int64) for name in ("n_points", "n_masses")),
-        *((name, c_void_p) for name in ("gradients", "values", "points", "masses")),
+        *((name, c_void_p) for name in ("points", "mass_points", "values")),
     ]
 
 

@@ -71,10 +71,10 @@ class ProductCost:
 STORED_PRODUCTS = ProductCost(math.nan, 6.0, 20.0, 8e-9)
 #: Products by straight isotropic tetrahedra (by aggregates a bracket of 1.65 million dofs).
 STRAIGHT_PRODUCTS = ProductCost(80.0, 4.5, 5.0, 1.1e-9)
-#: Cost that curved cells add: their kernel takes 155 ns a cell, with the points of smoothing 48
-#: and 60 in single and double precision, that of straight ones 26 and 34 (with AVX-512; 35 and 63
-#: without); they have 2 kB a cell.
-CURVED_PRODUCTS = ProductCost(80.0, 5.5, 5.5, 0.6e-9)
+#: Cost that curved cells add: their kernel takes 130 ns a cell, with the points of smoothing 31
+#: and 60 in single and double precision, that of straight ones 16 and 24 (with AVX-512); a part
+#: with 71 000 of them took 1.3 kB more a cell.
+CURVED_PRODUCTS = ProductCost(80.0, 3.5, 3.5, 0.4e-9)
 #: Entries of a factor of quadratic elements over those of linear ones on the same cells: 12 to 19
 #: from plates to compact blocks of tetrahedra, 43 000 to 340 000 dofs; 10 to 13 of hexahedra.
 QUADRATIC_OVER_LINEAR = 15.0
