@@ -40,8 +40,7 @@ typedef struct afe_tetra {
 typedef struct afe_curved {
     int64_t n_groups;
     const int32_t *nodes;       /* as above */
-    const void *constants;      /* [groups][AFE_CONSTANTS][AFE_LANES] Lamé's and the density, each < 0
-                                 * where the cell turns the reference axes over */
+    const void *constants;      /* [groups][AFE_CONSTANTS][AFE_LANES] Lamé's and the density */
     const void *x;              /* [nodes][3] positions, and AFE_BEYOND numbers more */
     int64_t n_points, n_masses; /* of K and of M */
     const void *points, *mass_points; /* [n][AFE_POINT_DATA] */

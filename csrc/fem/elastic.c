@@ -53,6 +53,7 @@ static const int PLACE[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
  * ALTERNATE: two vectors in turn, their x with their z (BESIDE_X 2) or y; PAIRS: two numbers of each. */
 #define REAL double
 #define INTEGER int64_t
+#define WITHOUT_SIGN INT64_MAX
 #define LANES 4
 #define BESIDE_X 2
 #define ALTERNATE_FIRST 0, 4, 2, 6
@@ -63,6 +64,7 @@ static const int PLACE[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
 #include "smoothing.h"
 #undef REAL
 #undef INTEGER
+#undef WITHOUT_SIGN
 #undef LANES
 #undef BESIDE_X
 #undef ALTERNATE_FIRST
@@ -71,6 +73,7 @@ static const int PLACE[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
 #undef PAIRS_LAST
 #define REAL float
 #define INTEGER int32_t
+#define WITHOUT_SIGN INT32_MAX
 #define LANES 8
 #define BESIDE_X 1
 #define ALTERNATE_FIRST 0, 8, 1, 9, 4, 12, 5, 13
@@ -81,6 +84,7 @@ static const int PLACE[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
 #include "smoothing.h"
 #undef REAL
 #undef INTEGER
+#undef WITHOUT_SIGN
 
 #undef wide
 #undef quad

@@ -175,25 +175,26 @@ INLINE void interpolated(wide slope[3][CORNERS][3], const REAL *at, wide out[3][
                         at[3] * slope[a][3][c];
 }
 
-/* det J and, times it, the inverse of J */
-INLINE void adjugate(wide J[3][3], wide adj[3][3], wide *det) {
+/* |det J| and, times det J, the inverse of J */
+INLINE void adjugate(wide J[3][3], wide adj[3][3], wide *size) {
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) {
             int c = (b + 1) % 3, d = (b + 2) % 3, e = (a + 1) % 3, g = (a + 2) % 3;
             adj[a][b] = J[c][e] * J[d][g] - J[c][g] * J[d][e];
         }
-    *det = J[0][0] * adj[0][0] + J[0][1] * adj[1][0] + J[0][2] * adj[2][0];
+    wide det = J[0][0] * adj[0][0] + J[0][1] * adj[1][0] + J[0][2] * adj[2][0];
+    *size = (wide)((picks)det & WITHOUT_SIGN);
 }
 
 /* add to the stresses `sum` along the reference axes at the corners those of a quadrature point: its
  * barycentric coordinates and weight; slopes [a][v][axis] of u and x; constants as of afe_curved */
 INLINE void stiffness_at(REAL k, wide u[3][CORNERS][3], wide x[3][CORNERS][3], const REAL *at,
                          const wide *constants, wide sum[3][CORNERS][3]) {
-    wide J[3][3], adj[3][3], det, along[3][3], H[3][3];
+    wide J[3][3], adj[3][3], size, along[3][3], H[3][3];
     interpolated(x, at, J);
     interpolated(u, at, along);
-    adjugate(J, adj, &det);
-    wide factor = k * at[CORNERS] / det;
+    adjugate(J, adj, &size);
+    wide factor = k * at[CORNERS] / size;
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++)
             H[a][b] = along[a][0] * adj[0][b] + along[a][1] * adj[1][b] + along[a][2] * adj[2][b];
@@ -215,10 +216,10 @@ INLINE void stiffness_at(REAL k, wide u[3][CORNERS][3], wide x[3][CORNERS][3], c
 /* f += m M u of a quadrature point as above, with the values of the shape functions */
 INLINE void inertia_at(REAL m, wide u[NODES][3], wide x[3][CORNERS][3], const REAL *at, const REAL *values,
                        const wide *constants, wide f[NODES][3]) {
-    wide J[3][3], adj[3][3], det;
+    wide J[3][3], adj[3][3], size;
     interpolated(x, at, J);
-    adjugate(J, adj, &det);
-    wide mass = m * at[CORNERS] * constants[2] * det;
+    adjugate(J, adj, &size);
+    wide mass = m * at[CORNERS] * constants[2] * size;
     for (int a = 0; a < 3; a++) {
         wide motion = values[0] * u[0][a];
         for (int n = 1; n < NODES; n++)

@@ -62,7 +62,7 @@ FAMILIES = {
 
 def largest_stress(data, hit):
     """The largest von Mises stress [Pa] that the picture of a page shows."""
-    x = live_meshes._field_coordinates(hit, np.linspace(0.0, hit.time[-1], 300))
+    x = live_meshes._field_amplitudes(hit, np.linspace(0.0, hit.time[-1], 300))
     values = []
     for field in data["stress"]:
         scale, parts = field["scale"], field["fields"].reshape(len(field["scale"]), -1)

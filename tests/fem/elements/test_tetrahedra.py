@@ -22,6 +22,7 @@ from antiosc.fem.linalg.petsc_algebra import (
     sum_of,
     with_entries,
 )
+from antiosc.fem.platform import compat
 from mpi import START, run_ranks
 
 STEEL, RUBBER = ao.Solid(**parts.STEEL), ao.Solid(1e9, 0.45, 1100.0)
@@ -83,6 +84,21 @@ def test_products_are_those_of_the_entries(order):
         np.testing.assert_array_equal(result.array_r, multiply(A, x))
     block = np.random.default_rng(1).standard_normal((part.rows, 5))
     np.testing.assert_array_equal(multiply(A, block)[:, 4], multiply(A, block[:, 4]))
+
+
+def test_a_cell_that_is_folded_at_a_point_has_the_product_of_its_entries():
+    """dolfinx takes the size of det J at every point of quadrature."""
+    mesh = skewed(2)
+    nodes = compat.geometry_nodes(mesh.dolfinx)[-1]
+    x = mesh.dolfinx.geometry.x
+    x[nodes[9]] = 1.5 * x[nodes[1]] - 0.5 * x[nodes[0]]  # the middle of this edge, beyond its end
+    K = ao.Structure(ao.read_mesh(mesh.dolfinx), STEEL, HELD).K
+    curved = K.getAttr(CELLS_KEY).cells._kinds[1]
+    slopes = np.einsum("cni,qna->cqia", curved.given[1], curved._rules[0][1])
+    assert np.any(np.ptp(np.sign(np.linalg.det(slopes)), axis=1))
+    u = np.random.default_rng(0).standard_normal(K.getSize()[0])
+    exact = csr(with_entries(K)) @ u
+    assert abs(multiply(K, u) - exact).max() <= 1e-11 * abs(exact).max()
 
 
 def test_smoothing_in_single_precision_does_not_see_where_the_part_is():

@@ -163,8 +163,7 @@ class CurvedCells(Cells):
         self._rules = for_k, for_m
         self._values = np.ascontiguousarray(for_m[0])
 
-        side = np.sign(np.linalg.det(x[:, 1:4] - x[:, :1]))
-        self._constants = padded_lanes(constants * side[:, None])
+        self._constants = padded_lanes(constants)
         centre = x.mean(axis=(0, 1)) if len(x) else 0.0  # for single precision
         positions = np.zeros((nodes.max(initial=0) + 1, 3))
         positions[nodes] = x - centre
