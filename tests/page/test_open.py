@@ -325,7 +325,7 @@ def edited_once(browser, before=None):
         if now and now != before:
             return now
         time.sleep(0.1)
-    raise AssertionError(browser.said())
+    raise AssertionError([browser.said(), browser.run("return document.body.innerText")[:3000]])
 
 
 def reached(browser, turn):
