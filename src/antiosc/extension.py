@@ -60,9 +60,11 @@ NAMES = {
     "antiosc.reduce.error.model_errors": "ModelErrors",
     "antiosc.reduce.extraction.eigenmodes": "ModeSolver",
     "antiosc.reduce.site.surface": "curvature",
-    "antiosc.strikes.defaults": "expansion_of next_count patch_radius usual_ball usual_cell",
+    "antiosc.strikes.defaults": (
+        "expansion_frequency next_count patch_radius default_ball_radius default_cell_size"
+    ),
     "antiosc.strikes.impact_map": "on_plane",
-    "antiosc.strikes.map_results": "doubts_text hardest left_out_text low_band trusted",
+    "antiosc.strikes.map_results": "doubts_text hardest left_out_text low_band_text trusted",
     "antiosc.strikes.map_stresses": "sides",
     "antiosc.strikes.second_order": "simulated stretching",
     "antiosc.strikes.stress": "closed divided fields_by_strength struck_again",

@@ -2,4 +2,4 @@
 
 from antiosc.base import lazily
 
-__all__, __getattr__, __dir__ = lazily.door(__file__)
+__all__, __getattr__, __dir__ = lazily.lazy_exports(__file__)

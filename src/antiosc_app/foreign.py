@@ -296,11 +296,8 @@ def _part_of_deck(path: Path, options: ReadOptions, unit: str | None) -> Foreign
 def _with_steel_constants(
     reader: Callable[..., T], read: ReadOptions, messages: list[str]
 ) -> tuple[T, ReadOptions, Sequence[Piece]]:
-    """(result of `reader`, its arguments, pieces of the deck).
-
-    Density and modulus of steel are added if the deck is refused without; `messages` gets its
-    warnings.
-    """
+    """(result of `reader`, its arguments, pieces of the deck), with the density and the modulus of
+    steel if the deck is refused without them; `messages` gets its warnings."""
     reason: InputError | None = None
     pieces: Sequence[Piece] = ()
     pieces_read: list[ReadOptions] = [{}] if "piece" in read else [{}, {"piece": 1}]

@@ -10,7 +10,7 @@ from antiosc import History, ImpactMap, LinearBody, SceneHistory
 from antiosc.base.texts import capitalised, engineering, percent, plus_minus, point_text
 from antiosc.impact.histories.bars import ErrorBudget
 from antiosc.models.body import piercing_warning
-from antiosc.strikes.map_results import hardest, left_out_text, low_band, trusted
+from antiosc.strikes.map_results import hardest, left_out_text, low_band_text, trusted
 from antiosc_app.scene_file.run import coarse_cell_sentence
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def sentences_of_history(
     """Sentences that explain the results of an impact; `fields`: quantity -> its `PeakField`."""
     footnote = "" if budget is None else budget.footnote
     stress = stress_sentences(fields, force_bar(budget))
-    told = [hit.verdict, *stress, largest_share(budget), footnote, hit.explanation]
+    told = [hit.verdict, *stress, largest_cause_text(budget), footnote, hit.explanation]
     return [sentence for sentence in told if sentence]
 
 
@@ -77,7 +77,7 @@ def sentences_of_map(impact_map: ImpactMap) -> list[str]:
 
 def caution_of_map(impact_map: ImpactMap) -> str:
     """Text on doubtful sites of a map and on impacts beyond its models' frequencies; or ""."""
-    sentences = (left_out_text(impact_map), low_band(impact_map))
+    sentences = (left_out_text(impact_map), low_band_text(impact_map))
     return " ".join(capitalised(sentence) for sentence in sentences if sentence)
 
 
@@ -86,7 +86,7 @@ def caution_of_impact(hit: History, budget: ErrorBudget | None) -> str:
     cautions = []
     if not isinstance(hit, SceneHistory):
         cautions += [
-            hit.assembly.beyond_theory,
+            hit.assembly.theory_warning,
             piercing_warning(hit.model, hit.impactor),
             hit.unfinished,
         ]
@@ -112,7 +112,7 @@ def _as_sentence(text: str) -> str:
     return f"{capitalised(text).rstrip('.')}."
 
 
-def largest_share(budget: ErrorBudget | None) -> str:
+def largest_cause_text(budget: ErrorBudget | None) -> str:
     """Sentence on the largest cause of the force's error bar, with the remedy; or ""."""
     if budget is None:
         return ""

@@ -107,7 +107,7 @@ def _inspection_of(
     from antiosc.fem.mesh.finer import longest_cell
     from antiosc.fem.mesh.surface import Faces
     from antiosc.fem.platform import compat
-    from antiosc.strikes.defaults import usual_cell
+    from antiosc.strikes.defaults import default_cell_size
 
     x = np.array(mesh.dolfinx.geometry.x)
     nodes = compat.geometry_nodes(mesh.dolfinx)
@@ -131,7 +131,7 @@ def _inspection_of(
     cell = None
     if is_meshed and mesh.tdim == 3:
         behind = guessed.thickness_at(x, faces, (point, direction))
-        cell = usual_cell(float(np.ptp(x, axis=0).max()), behind)
+        cell = default_cell_size(float(np.ptp(x, axis=0).max()), behind)
         cell = None if cell >= read_options.get("size", inf) else cell
 
     # rounded within the tolerance of a plane of nodes

@@ -121,9 +121,9 @@ class Inspection:
     @property
     def ball_radius(self) -> float:
         """Guessed radius [m] of the striking ball."""
-        from antiosc.strikes.defaults import usual_ball
+        from antiosc.strikes.defaults import default_ball_radius
 
-        return usual_ball(self.length)
+        return default_ball_radius(self.length)
 
     def heaviest_striker(self, mass: float) -> float:
         """The smaller of `mass` and the largest mass [kg] for which linear theory holds."""

@@ -203,7 +203,7 @@ def modal_data(
         "v": zeros if start_velocities is None else start_velocities,
         "load": zeros if modal_loads is None else modal_loads,
         "r": body.r,
-        "mobility": body.mobility,
+        "mobility": body.inverse_mass,
         "local": local_compliance,
     }
 

@@ -313,7 +313,7 @@ def map_data(impact_map: ImpactMap, structure: Structure | None = None) -> tuple
         "omega": np.concatenate([modal.omega for modal in forms]),
         "b": np.concatenate([modal.b for modal in forms]),
         "r": np.array([modal.r for modal in forms]),
-        "mobility": np.array([modal.mobility for modal in forms]),
+        "mobility": np.array([modal.inverse_mass for modal in forms]),
         "local": local,
         "points": impact_map.points.astype(np.float32).ravel(),
         "directions": impact_map.directions.astype(np.float32).ravel(),

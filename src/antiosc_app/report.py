@@ -55,7 +55,7 @@ from antiosc_app.presentation import (
 from antiosc_app.quantities import quantities
 from antiosc_app.results import presentations
 from antiosc_app.scene_file.run import SceneResults, error_budget, on_first_rank
-from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
+from antiosc_app.scene_file.scene import stress_fields, worst_stress_field
 from antiosc_app.scene_file.schema import Output
 
 if TYPE_CHECKING:
@@ -244,7 +244,7 @@ def _results_of(reported: Any, structure: Structure | None, title: str) -> Scene
         page_results.fall = reported
         page_results.structure = reported.body.structure
         if page_results.structure is not None:
-            page_results.worst = worst_by_strengths(reported)
+            page_results.worst = worst_stress_field(reported)
     else:
         page_results.history = reported
         page_results.structure = reported.structure if structure is None else structure
@@ -252,7 +252,7 @@ def _results_of(reported: Any, structure: Structure | None, title: str) -> Scene
         page_results.impactor = None if isinstance(reported, SceneHistory) else reported.impactor
         if page_results.structure is not None:
             with contextlib.suppress(AntioscError):  # without shapes, or elements
-                page_results.stresses = by_strengths(page_results.structure, reported)
+                page_results.stresses = stress_fields(page_results.structure, reported)
     return page_results
 
 

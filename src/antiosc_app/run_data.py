@@ -202,7 +202,7 @@ def run_of_model(model: LinearBody) -> RunData:
             "a model alone is linear in an exported file, and this one stretches: export its"
             " impact, or extract it with stretch=False."
         )
-    names = _column_names(body)
+    names = _column_prefixes(body)
     modes = BodyModes(body.omega, body.modes.decay, body.modes.B.T, np.zeros(body.omega.size))
     inputs = [Variable(f"{name}force".lstrip("."), "N", "force on the site") for name in names]
     outputs, variables = _site_outputs(names)
@@ -299,7 +299,7 @@ def _refuse_coupled(bodies: Mapping[str, SceneBody]) -> None:
             )
 
 
-def _column_names(body: SceneBody, prefix: str = "") -> list[str]:
+def _column_prefixes(body: SceneBody, prefix: str = "") -> list[str]:
     """Prefixes of the outputs of a body's columns, such as "tip.", "tip.1."; "" without a name."""
     names = [""] * body.modes.B.shape[1]
     for site, columns in body.sites.items():
@@ -319,7 +319,7 @@ def _site_columns(assembly: Assembly, without_body: bool) -> tuple[list[str], Ar
         prefix = {"structure": "", "impactor": "impactor_"}[name] if without_body else name
         span = range(assembly.stacked.columns[name].start, assembly.stacked.columns[name].stop)
         columns += span
-        names += [prefix for _ in span] if without_body else _column_names(body, prefix)
+        names += [prefix for _ in span] if without_body else _column_prefixes(body, prefix)
     return names, np.ascontiguousarray(assembly.stacked.B.T[columns]), columns
 
 

@@ -127,7 +127,7 @@ class TiedNode(NamedTuple):
     weights: Array
 
 
-def tied_nodes(
+def find_tied_nodes(
     joints: DeckConstraints, slave: DeckFaces, master: DeckFaces, tolerance: float | None
 ) -> tuple[list[TiedNode], float]:
     """(nodes of `slave` near a face of `master`, without nodes of `master`; the reach).
@@ -135,7 +135,7 @@ def tied_nodes(
     `tolerance`: the reach in the deck's unit; None: a share of the mean edge of `master`.
     """
     faces = [(nodes, np.array([joints.place(int(n)) for n in nodes])) for nodes in master.node_rows]
-    size = mean_edge(joints, master)
+    size = mean_edge_length(joints, master)
     centres = np.array([x.mean(axis=0) for _, x in faces])
     around = max(float(np.linalg.norm(x - x.mean(axis=0), axis=1).max()) for _, x in faces)
     reach = (TIE_REACH * size if tolerance is None else tolerance) + 1e-9 * size
@@ -153,7 +153,7 @@ def tied_nodes(
     return tied, reach
 
 
-def mean_edge(joints: DeckConstraints, surface: DeckFaces) -> float:
+def mean_edge_length(joints: DeckConstraints, surface: DeckFaces) -> float:
     """Mean length of the edges of faces; `joints` knows the places of the nodes."""
     rings = [np.array([joints.place(int(n)) for n in corners]) for corners, _ in surface.faces]
     edges = [np.linalg.norm(x - np.roll(x, 1, axis=0), axis=1).mean() for x in rings]
@@ -272,7 +272,7 @@ class _JointReader:
                 continue
             slave, master = (self._surface(name, row.place) for name in row.fields[:2])
             row.needs(master.faces, "the master surface of *TIE must be of faces of elements.")
-            tied, reach = tied_nodes(self.joints, slave, master, tolerance)
+            tied, reach = find_tied_nodes(self.joints, slave, master, tolerance)
             tie_nodes(self.joints, tied, row.place)
 
             nodes = slave.nodes
@@ -303,9 +303,11 @@ class _JointReader:
         line would make a hinge and are not tied.
         """
         joints = self.joints
-        reach = TIE_REACH * min(mean_edge(joints, side) for side in (first, second) if side.faces)
+        reach = TIE_REACH * min(
+            mean_edge_length(joints, side) for side in (first, second) if side.faces
+        )
         orders = [(a, b) for a, b in ((first, second), (second, first)) if b.faces]
-        tied = max((tied_nodes(joints, a, b, reach)[0] for a, b in orders), key=len)
+        tied = max((find_tied_nodes(joints, a, b, reach)[0] for a, b in orders), key=len)
 
         points = self.assembled.deck.points
         x = np.array([points[one.node] for one in tied]).reshape(-1, 3)

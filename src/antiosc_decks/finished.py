@@ -23,7 +23,7 @@ from antiosc_decks.sources import lines_text
 DIRECTION_ROUNDING = 1e-8
 
 
-def join_rods(builder: ModelBuilder) -> BoolArray:
+def replace_rods(builder: ModelBuilder) -> BoolArray:
     """Turn rods outside trusses into springs and masses; mask of these elements."""
     rods = np.zeros(builder.deck.n_elements, dtype=bool)
     deck = builder.deck
@@ -97,7 +97,7 @@ def complete_model(builder: ModelBuilder) -> Model:
     _refuse_uncovered(builder)
     if builder.truss and any([one.arguments.pop("torsion", 0.0) for one in builder.families]):
         builder.ignored.append("the torsion of rods, whose ends are hinges in a truss")
-    _keep_elements(builder, ~join_rods(builder))
+    _keep_elements(builder, ~replace_rods(builder))
     roles = {block.role for block in builder.deck.blocks if len(block)}
 
     if len(roles) > 1 and not roles <= JOINABLE_ROLES:
@@ -121,7 +121,7 @@ def complete_model(builder: ModelBuilder) -> Model:
     off_elements = any(not builder.used[node] for node in attached)
     is_assembly = has_parts or off_elements or joins_nodes
     if is_assembly:
-        _masses_as_matrices(builder)
+        _convert_masses(builder)
     if stiffened:
         _add_beam_shear(builder)
 
@@ -254,7 +254,7 @@ def _drop_unconnected(builder: ModelBuilder) -> None:
         builder.ignored.append(f"{count} {what}")
 
 
-def _masses_as_matrices(builder: ModelBuilder) -> None:
+def _convert_masses(builder: ModelBuilder) -> None:
     """Convert point masses to mass matrices at numbered nodes."""
     units = builder.units
     masses, builder.masses = builder.masses, []

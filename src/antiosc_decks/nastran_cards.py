@@ -137,7 +137,7 @@ class Continuations:
             del self._open[key][id(entry)]
         return entry
 
-    def find_lost(self) -> None:
+    def mark_lost(self) -> None:
         """Set the faults of entries whose continuation was joined by order but not by mark."""
         waiting = any(len(lines) == 1 and lines[0] for lines in self._marks.values())
         for entry, error in self._by_order if waiting else ():
@@ -170,7 +170,7 @@ class BulkData:
         self._read_lines(lines, sources.name)
         if not self.entries:
             raise MeshError(f"{sources.name} contains no bulk data (GRID, CHEXA, …).")
-        self._continuations.find_lost()
+        self._continuations.mark_lost()
 
     def _read_lines(self, lines: list[str], file: str) -> None:
         """Read the lines of one file."""

@@ -245,7 +245,7 @@ def read_deck(sources: Sources) -> NastranDeck:
     cards.fill_defaults(bulk.entries)
     deck = _read_nodes(bulk, sources.name)
     deck.deck.remarks += bulk.remarks
-    _rods_of_bars(deck)
+    _convert_bars(deck)
     for solid in deck.entries_named("PSOLID"):
         solid.needs(solid.text(6) in ("", "SMECH"), "PSOLID of a fluid: leave its elements out.")
     _read_elements(deck)
@@ -316,7 +316,7 @@ def _scalar_points(bulk: BulkData) -> IntArray:
     return np.array(sorted(numbers), dtype=np.int64)
 
 
-def _rods_of_bars(deck: NastranDeck) -> None:
+def _convert_bars(deck: NastranDeck) -> None:
     """Turn CBAR whose PBAR has no second moments into CROD, and report it."""
     bars = deck.entries_named("PBAR")
     without_bending = [bar for bar in bars if not any(bar.text(k).strip("+-.0") for k in (3, 4))]

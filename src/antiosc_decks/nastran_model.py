@@ -327,7 +327,7 @@ def model_of(deck: NastranDeck, units: UnitSystem, defaults: MaterialDefaults) -
     deck.set_groups()
     Properties(deck, builder, factor).read()
     builder.mark_nodes()
-    _supports(deck, builder)
+    _fix_supports(deck, builder)
 
     joints = NastranJoints(deck, builder, factor)
     joints.read()
@@ -342,7 +342,7 @@ def model_of(deck: NastranDeck, units: UnitSystem, defaults: MaterialDefaults) -
     return complete_model(builder)
 
 
-def _supports(deck: NastranDeck, builder: ModelBuilder) -> None:
+def _fix_supports(deck: NastranDeck, builder: ModelBuilder) -> None:
     """Fix the motions of SPC, SPC1 and GRID, along the nodes' local axes."""
     for row in deck.systems_of:
         builder.joints.motion_axes[row] = deck.frame(row, deck.bulk.entries[0].place)

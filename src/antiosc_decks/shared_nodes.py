@@ -50,7 +50,7 @@ class NumberedMesh:
         return getattr(basix.CellType, self.member.part.mesh.cell)
 
     @property
-    def cell_map(self) -> basix.finite_element.FiniteElement:
+    def coordinate_element(self) -> basix.finite_element.FiniteElement:
         """The shape functions of a cell's geometry."""
         mesh = self.member.part.mesh
         return basix.create_element(basix.ElementFamily.P, self.cell_type, mesh.order)
@@ -58,7 +58,7 @@ class NumberedMesh:
     @cached_property
     def reference_points(self) -> Array:
         """Reference coordinates (nodes, tdim) of the nodes of a cell."""
-        return np.asarray(self.cell_map.points)
+        return np.asarray(self.coordinate_element.points)
 
     @cached_property
     def cell_of_node(self) -> dict[int, tuple[int, int]]:
@@ -265,7 +265,7 @@ class DofsBetween:
             return
         space = member.part.form.space
         X = np.asarray(compat.subspace(space, path).element.basix_element.points)
-        weights = np.asarray(mesh.cell_map.tabulate(0, X))[0, :, :, 0]
+        weights = np.asarray(mesh.coordinate_element.tabulate(0, X))[0, :, :, 0]
         nonzero = [np.flatnonzero(np.abs(row) > 1e-12) for row in weights]
         dofs = member.first + compat.cell_dofs(space, path, touching)
 

@@ -213,7 +213,7 @@ def test_what_a_hand_over_keeps(friction: float) -> None:
             scene = one.history.at([t])[BODY]
             np.testing.assert_allclose(scene.momentum[0], body.mass * state.velocity, atol=1e-9)
             L = scene.angular_momentum()[0]
-            np.testing.assert_allclose(L, state.momentum, atol=1e-6 * np.linalg.norm(L))
+            np.testing.assert_allclose(L, state.angular_momentum, atol=1e-6 * np.linalg.norm(L))
             np.testing.assert_allclose(scene.q[0, 6:], state.q, atol=1e-12)
             np.testing.assert_allclose(scene.v[0, 6:], state.p, atol=1e-9)
     assert len(fall.episodes) >= 3
@@ -286,7 +286,7 @@ def test_a_spinning_block_lands_as_eulers_equations_say(friction: float, rounded
     assert one.forces()[1].sum(axis=1).max() == pytest.approx(peak, rel=5e-4)
     assert np.degrees(np.arccos((np.trace(one.start.R.T @ R) - 1) / 2)) > 10
     np.testing.assert_allclose(one.end.velocity, v, atol=2e-3)
-    np.testing.assert_allclose(one.end.momentum, L, atol=1e-3 * np.linalg.norm(L))
+    np.testing.assert_allclose(one.end.angular_momentum, L, atol=1e-3 * np.linalg.norm(L))
     np.testing.assert_allclose(one.end.R, R, atol=3e-4)
 
 
@@ -307,7 +307,7 @@ def test_a_contact_that_is_cut_goes_on(law: ao.ContactLaw, monkeypatch: pytest.M
         monkeypatch.setattr("antiosc_studies.drops.episode.LARGEST_ROTATION", turns)
         fall = fall_of(body, start, where)
         one = fall.impacts[0]
-        found.append([one.peak_force, one.impulse, one.lost, *fall.end.momentum * 1e3])
+        found.append([one.peak_force, one.impulse, one.lost, *fall.end.angular_momentum * 1e3])
     assert len(fall.episodes) > 3
     np.testing.assert_allclose(found[1], found[0], rtol=5e-3)
 

@@ -8,7 +8,7 @@ import pytest
 import antiosc as ao
 from antiosc.base.texts import engineering
 from antiosc_app import headline, results
-from antiosc_app.scene_file.scene import by_strengths
+from antiosc_app.scene_file.scene import stress_fields
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
 ALUMINIUM = 70e9, 0.33, 2700.0
@@ -28,7 +28,7 @@ def held(part, site, striker=DROPPED, strength=None):
     model = ao.extract(structure, ao.Site(at, (0, 0, -1), radius=4e-3), n=6, error="estimate")
     law = ao.Hertz(stiffness() if striker is BALL else 2e9)
     hit = ao.simulate(model, striker, law, 1e-3)
-    fields = by_strengths(structure, hit)
+    fields = stress_fields(structure, hit)
     judged = headline.judged_stress_data(fields)
     return judged, fields, structure, hit
 

@@ -30,8 +30,8 @@ def test_errors_keep_the_tolerance_and_the_claims(seed: int, tol: float) -> None
     found = run_scene(scene, tol)
     error = errors(Truth(scene), found)
     assert max(error.force, error.peak, error.way) <= tol
-    assert error.force <= found.force
-    assert max(error.force, error.peak) <= found.peak
+    assert error.force <= found.force_error
+    assert max(error.force, error.peak) <= found.peak_error
 
 
 @pytest.mark.slow

@@ -55,7 +55,7 @@ def test_the_structures_have_the_sizes_of_the_librarys() -> None:
     batches = (
         library.CNumbers,
         library.CImpact,
-        library.CExpected,
+        library.CExpectedContact,
         library.COutcome,
         library.CPulseNodes,
     )

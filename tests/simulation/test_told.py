@@ -51,4 +51,4 @@ def test_compared_methods_refine_until_two_runs_agree(
     found = reference.integrate_reference(made, 0.8, settings)
     assert found.run.answer == DONE
     assert found.step_tol == runs.asked[-1] == min(runs.asked)
-    assert 0.9 * found.step_tol**2 <= max(found.force, found.peak) <= 1e-3
+    assert 0.9 * found.step_tol**2 <= max(found.force_error, found.peak_error) <= 1e-3

@@ -71,7 +71,7 @@ def landed(body: FreeBody, one: Episode, k: float, friction: float) -> tuple[np.
     """
     s, inverse, down = one.start, np.linalg.inv(body.inertia), np.array([0.0, 0.0, 1.0])
     stiff = float(one.history.assembly.system.contacts["tangential_stiffness"][0]) or 1.0
-    x, v, R, L = s.centre, s.velocity, s.R, s.momentum
+    x, v, R, L = s.centre, s.velocity, s.R, s.angular_momentum
     drawn, peak, steps = np.zeros((len(body.points), 2)), 0.0, 500
     h = one.duration / steps
     way = h / 2

@@ -111,7 +111,7 @@ def labelled(message: str) -> str:
 
 
 def sorted_by_weight(messages: Iterable[str]) -> list[str]:
-    """The distinct warnings, the most severe first."""
+    """The distinct warnings, the most severe first, by `message_weight`."""
     return sorted(dict.fromkeys(messages), key=message_weight)
 
 

@@ -49,7 +49,7 @@ def atomic_file(path: str | os.PathLike[str], what: str = "the file") -> Iterato
             part.unlink(missing_ok=True)
             raise
     except (OSError, UnicodeEncodeError) as error:
-        raise cannot_write(what, path, error) from error
+        raise write_error(what, path, error) from error
 
 
 def check_readable(path: Path, what: str) -> None:
@@ -81,7 +81,7 @@ def table_text(text: str) -> str:
     return text
 
 
-def cannot_write(what: str, path: str | os.PathLike[str], error: Exception) -> InputError:
+def write_error(what: str, path: str | os.PathLike[str], error: Exception) -> InputError:
     """The error for a file that the system refuses to write, with the reason."""
     reason = getattr(error, "strerror", None) or str(error)
     return InputError(f"cannot write {what} to {os.fspath(path)!r}: {reason.rstrip('.')}.")

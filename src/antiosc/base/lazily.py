@@ -53,7 +53,7 @@ def load(module: str, name: str) -> Any:
         return import_module(f"{module}.{name}")
 
 
-def door(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
+def lazy_exports(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
     """(`__all__`, `__getattr__`, `__dir__`) for the file `module`, with names of its stub."""
     modules = names_in_stub(module)
 

@@ -46,7 +46,7 @@ def return_free_memory() -> None:
         trim(0)
 
 
-def user_threads() -> bool:
+def user_sets_threads() -> bool:
     """Whether the user has set a number of threads in the environment."""
     return any(os.environ.get(name) for name in THREAD_VARIABLES)
 
@@ -63,7 +63,7 @@ def core_count() -> int:
 
 def free_threads() -> int:
     """Number of threads for independent work: all cores, or one if BLAS cannot be limited."""
-    return 1 if user_threads() or _blas() is None else core_count()
+    return 1 if user_sets_threads() or _blas() is None else core_count()
 
 
 def useful_threads(front_operations: Array, most_threads: int) -> int:
@@ -142,7 +142,7 @@ def blas_pools() -> list[BlasPool] | None:
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Use one BLAS thread inside the block or the decorated function."""
-    blas = None if user_threads() else _blas()
+    blas = None if user_sets_threads() else _blas()
     if blas is None:
         yield
         return
@@ -157,7 +157,7 @@ def one_thread() -> Iterator[None]:
 @contextmanager
 def blas_threads(front_operations: Array) -> Iterator[int | None]:
     """Context with the useful number of BLAS threads for `front_operations`; yields this number."""
-    blas = None if user_threads() else _blas()
+    blas = None if user_sets_threads() else _blas()
     if blas is None:
         yield None
         return
@@ -228,7 +228,7 @@ def shortage_text(what: str, needed_bytes: float, free_bytes: float) -> str:
     return f"{what} needs about {needed_bytes / 1e9:.3g} GB and {free_bytes / 1e9:.3g} GB are free"
 
 
-def allocation_failed(
+def allocation_error(
     what: str, error: BaseException | None = None, remedy: str = MEMORY_REMEDY
 ) -> OutOfMemoryError:
     """The error for an allocation that failed in the step `what`."""
@@ -247,7 +247,7 @@ def within_memory(function: Callable[P, T]) -> Callable[P, T]:
         except OutOfMemoryError:
             raise
         except MemoryError as error:
-            raise allocation_failed(name, error) from error
+            raise allocation_error(name, error) from error
 
     return guarded
 

@@ -148,7 +148,7 @@ class CImpact(Structure):
     _fields_ = (("system", CSystem), ("options", COptions))
 
 
-class CExpected(Structure):
+class CExpectedContact(Structure):
     _fields_ = _fields("double depth, speed, time")
 
 
@@ -218,7 +218,7 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     ),
     "aom_arrow_modes": (c_int, c_double, c_double, c_int, c_void_p, c_void_p, c_void_p, c_void_p),
     "aom_main_impact": (c_double, c_int64, c_void_p),
-    "aom_expect": (CExpected, c_void_p, c_int, c_double),
+    "aom_expect": (CExpectedContact, c_void_p, c_int, c_double),
     "aom_law_deepest": (c_double, c_void_p, c_double, c_double, c_double, c_double, c_double),
     "aom_enclosure_size": (c_size_t, c_void_p),
     "aom_enclose": (c_int, c_void_p, c_void_p),

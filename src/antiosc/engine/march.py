@@ -299,8 +299,8 @@ class Converged:
 
     run: Run
     step_tol: float
-    force: float  # relative error of the forces (L2 norm, impulse); inf: unknown, 0: not estimated
-    peak: float  # likewise, the larger of `force` and the error of the peak force
+    force_error: float  # relative (L2 norm, impulse); inf: unknown, 0: not estimated
+    peak_error: float  # relative, `force_error` at least
     agreed_until: float  # [s]
 
 

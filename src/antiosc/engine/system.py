@@ -131,7 +131,7 @@ class System:
         ]
 
     @property
-    def damped(self) -> bool:
+    def has_damping(self) -> bool:
         """Whether a mode has damping."""
         return self.first is not None or bool(self.decay.any())
 

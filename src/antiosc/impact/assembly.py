@@ -127,14 +127,14 @@ def effective_mass(beta: Array, omega: Array) -> float:
     """Estimated effective mass [kg] at a contact, from rigid-body modes and static deflection."""
     rigid = omega == 0
     b = beta[rigid]
-    mobility = float(b @ b)
+    inverse_mass = float(b @ b)
     b = beta[~rigid]
     deflection = b / omega[~rigid] ** 2
     inertia = float(deflection @ deflection)
     if inertia > 0:
-        mobility += float(b @ deflection) ** 2 / inertia
+        inverse_mass += float(b @ deflection) ** 2 / inertia
 
-    return 1 / mobility if mobility > 0 else 1.0
+    return 1 / inverse_mass if inverse_mass > 0 else 1.0
 
 
 def _largest_component(beta: Array, modal: Array) -> Array:
@@ -193,7 +193,7 @@ class Assembly:
     omitted_stretch_ratio: float = field(default=0.0, kw_only=True)
     #: sentence on a linear run whose second-order strain has so much energy that neither theory
     #: holds; "" for others
-    beyond_theory: str = field(default="", kw_only=True)
+    theory_warning: str = field(default="", kw_only=True)
 
     @property
     def stretches(self) -> bool:

@@ -23,7 +23,11 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import CELL_ARGUMENTS, capitalised, engineering, percent
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, YangSun
-from antiosc.engine.contact.peak_error import error_of_law, unknown_error, weakest_and_strongest
+from antiosc.engine.contact.peak_error import (
+    error_of_law,
+    unknown_error_reason,
+    weakest_and_strongest,
+)
 from antiosc.impact.enclosure import proved_error
 from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.bars import BAR_UNITS, DEFLECTION, QUANTITIES, ErrorBar, ErrorBudget
@@ -36,7 +40,7 @@ from antiosc.impact.stretching import (
 )
 from antiosc.impact.truncation import WARNING_SHARE, truncation_error
 from antiosc.models.anti_oscillators import AntiOscillators, is_reduced
-from antiosc.models.body import LinearBody, ModalModel, choice_of, coarse_at, wide_patch
+from antiosc.models.body import LinearBody, ModalModel, choice_of, coarse_cell, wide_patch
 from antiosc.models.modal import ModalBody
 from antiosc.models.parameters import energy_error
 
@@ -131,7 +135,7 @@ def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
     if not hit.contacts:
         by_quantity = {name: ErrorBar(0.0) for name in QUANTITIES}
         return ErrorBudget(by_quantity, 0.0, ("The bodies did not touch: nothing has a bar.",))
-    if hopeless := hit.assembly.beyond_theory:
+    if hopeless := hit.assembly.theory_warning:
         bars_without = {n: ErrorBar(getattr(hit, n), without_mesh=True) for n in QUANTITIES}
         no_mesh = capitalised(hopeless.replace("'structure'", "the part"))
         return ErrorBudget(bars_without, 0.0, unknown={"mesh": no_mesh})
@@ -199,7 +203,11 @@ def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
 
 
 def _unknown_mesh(
-    hit: History, model: AntiOscillators, stretches: bool, of_mesh: MeshErrors, is_cut: bool
+    hit: History,
+    model: AntiOscillators,
+    stretches: bool,
+    of_mesh: DiscretizationErrors,
+    is_cut: bool,
 ) -> dict[str, str]:
     """Reasons, by name, why the error "mesh" (maybe "truncation" too) is unknown; {} if known."""
     reason = model.info.no_estimate
@@ -242,7 +250,7 @@ def law_error(impact: RepeatedImpact) -> tuple[RelativeErrors | None, str]:
     choice = choice_of(hit.law, hit.model, hit.impactor)
     if choice is None:
         return bars.ZERO_ERRORS, "The contact's law was given: its error is not in these bars."
-    if reason := unknown_error(choice, hit.peak_force):
+    if reason := unknown_error_reason(choice, hit.peak_force):
         return None, f"The error of the contact's law is not known: {reason}."
 
     start, end = hit.contacts[0]
@@ -278,7 +286,7 @@ def _stretch_errors(hit: History, model: AntiOscillators, impact: RepeatedImpact
     return stretch_shares(stretch_errors, energy_ratio_before_peak(hit))
 
 
-class MeshErrors(NamedTuple):
+class DiscretizationErrors(NamedTuple):
     """Relative errors due to mesh and truncation; zero where they are not estimated."""
 
     mesh: RelativeErrors = bars.ZERO_ERRORS
@@ -288,13 +296,13 @@ class MeshErrors(NamedTuple):
     notes: Sequence[str] = ()
 
 
-def _mesh_errors(impact: RepeatedImpact, linear_note: str) -> MeshErrors:
+def _mesh_errors(impact: RepeatedImpact, linear_note: str) -> DiscretizationErrors:
     """The errors due to the mesh and to truncation, from runs on other models."""
     model = impact.model
     raw = impact.raw_history
     no_error = model.strain_error is None and not model.info.no_estimate
     if not model.n or (no_error and not is_reduced(model)):
-        return MeshErrors()
+        return DiscretizationErrors()
 
     truncated = truncation_error(model, lambda other, _: impact.run(other), tol=impact.tol)
     truncation = {name: getattr(truncated, name) for name in BAR_UNITS}
@@ -303,7 +311,7 @@ def _mesh_errors(impact: RepeatedImpact, linear_note: str) -> MeshErrors:
         told = f"The {model.n} anti-oscillators are too few for this contact"
         too_few = [f"{told}: the bar of the truncation is a rough one."]
     if model.strain_error is None:
-        return MeshErrors(truncation=truncation, notes=too_few)
+        return DiscretizationErrors(truncation=truncation, notes=too_few)
 
     softer = impact.run(model.corrected())
     share = energy_error(model, model.strain_error, amplitude_products(raw))
@@ -324,7 +332,7 @@ def _mesh_errors(impact: RepeatedImpact, linear_note: str) -> MeshErrors:
             " comparable; a finer mesh decides.",
         )
 
-    return MeshErrors(mesh, truncation, share, safety, doubts)
+    return DiscretizationErrors(mesh, truncation, share, safety, doubts)
 
 
 def _safety_factor(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
@@ -426,7 +434,7 @@ def _unresolved_text(hit: History, model: AntiOscillators, is_cut: bool) -> str:
     at_point = isinstance(hit.law, POINT_CONTACT_LAWS)
     radius, thickness = model.radius, model.info.thickness
 
-    if cell := coarse_at(model, "", contact_time):
+    if cell := coarse_cell(model, "", contact_time):
         what, sizes = "the cell", (cell.size, cell.allowed)
     elif at_point and (patch := wide_patch(model, "", contact_time)):
         what, sizes = "the patch", (patch.size, patch.allowed)

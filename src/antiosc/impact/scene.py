@@ -266,7 +266,7 @@ def _integrated_history(
 
     run = converged.run
     still_open = open_contacts(run, assembly.system)
-    errors = converged.force, converged.peak, converged.agreed_until
+    errors = converged.force_error, converged.peak_error, converged.agreed_until
     end = RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
     status, message = status_of(assembly, end, tol, limits)
 
@@ -277,7 +277,7 @@ def _integrated_history(
         status = INEXACT
 
     bounded = step is None and settings.method not in IVP_METHODS
-    error = {"force": converged.force, "peak": converged.peak} if bounded else {}
+    error = {"force": converged.force_error, "peak": converged.peak_error} if bounded else {}
 
     return kind(assembly, run, error, status, message, given=step)
 

@@ -277,6 +277,6 @@ def with_flight_nodes(run: Run, system: System) -> Run:
     return replace(run, time=time, force=force, depth=depth, states=np.stack([q, v], axis=1))
 
 
-def free_steps(run: Run, system: System) -> Array:
+def step_end_displacements(run: Run, system: System) -> Array:
     """Displacements (n, J) of the free modes at the stored ends of steps."""
     return _free_modes(system, run.states[:, 0], run.states[:, 1])[0]

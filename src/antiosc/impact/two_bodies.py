@@ -62,8 +62,8 @@ class ModalPair(NamedTuple):
     @property
     def mass(self) -> float:
         """Effective mass [kg] of both bodies at the contact."""
-        mobility = sum(one.mobility for one in self.modes)
-        return 1 / mobility if mobility > 0 else 1.0
+        inverse_mass = sum(one.inverse_mass for one in self.modes)
+        return 1 / inverse_mass if inverse_mass > 0 else 1.0
 
     def gap(self, gap: float | None) -> float:
         """Checked distance [m] at the start; None: the gap of the obstacle."""
@@ -286,7 +286,7 @@ class ImpactRows:
         b = 1 / np.sqrt(np.array([striker.mass for striker in strikers]))
         beta[:, -1] = -b
         v[:, -1] = -(np.array([striker.velocity for striker in strikers]) * b / (b * b))
-        return beta, v, 1 / (self.pair.modes[0].mobility + b * b)
+        return beta, v, 1 / (self.pair.modes[0].inverse_mass + b * b)
 
     def solve(self) -> tuple[NDArray[np.void], list[tuple[Array, Array]]]:
         """(outcomes (`aom_outcome`), (times [s], forces [N]) of each impact during contact)."""

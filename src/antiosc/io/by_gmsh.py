@@ -25,7 +25,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableError
 from antiosc.base.texts import percent, piece_text
 from antiosc.io import facets
-from antiosc.io.conversion import known_kind, with_supported_kinds
+from antiosc.io.conversion import checked_kind, with_supported_kinds
 from antiosc.io.isolation import ELEMENTS_PER_TURN, Refinement, Request, checked_script, with_growth
 from antiosc.io.neutral import (
     CELL_TYPES,
@@ -540,7 +540,7 @@ def _mesh_from_gmsh(gmsh: ModuleType, name: str, names: EntityNames, numbered: b
     for dim, tag in sorted(gmsh.model.getEntities()):
         kinds, _, nodes = gmsh.model.mesh.getElements(dim, tag)
         for kind, block in zip(kinds, nodes, strict=True):
-            label = known_kind(LABEL_OF_GMSH_TYPE.get(int(kind), f"gmsh type {kind}"), name)
+            label = checked_kind(LABEL_OF_GMSH_TYPE.get(int(kind), f"gmsh type {kind}"), name)
             if label not in orders:
                 orders[label] = _node_order(gmsh, int(kind), label)
             part = indices(block, CELL_TYPES[label][1])[:, orders[label]]

@@ -442,7 +442,7 @@ def _halved_lines(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
 # --- Files with cells of several kinds ---
 
 
-def known_kind(label: str, name: str) -> str:
+def checked_kind(label: str, name: str) -> str:
     """Returns `label`; MeshError if cells of this kind can neither be used nor divided."""
     if label not in CELL_TYPES:
         raise MeshError(

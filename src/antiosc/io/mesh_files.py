@@ -19,7 +19,7 @@ import numpy as np
 
 from antiosc.base.errors import MeshError, MissingDependencyError
 from antiosc.io import by_gmsh, facets
-from antiosc.io.conversion import known_kind, with_supported_kinds
+from antiosc.io.conversion import checked_kind, with_supported_kinds
 from antiosc.io.isolation import FileReader, Request, entry_points_of, load_entry_point
 from antiosc.io.neutral import CELL_TYPES, DIMENSION, FileMesh, IntArray, joined_groups
 
@@ -37,7 +37,7 @@ def read_by_meshio(request: Request) -> FileMesh:
     cells: dict[str, list[IntArray]] = {}
     starts: list[int] = []
     for block in mesh.cells:
-        blocks = cells.setdefault(known_kind(block.type, request.name), [])
+        blocks = cells.setdefault(checked_kind(block.type, request.name), [])
         starts.append(sum(map(len, blocks)))
         blocks.append(np.asarray(block.data, dtype=np.int64))
 

@@ -47,7 +47,12 @@ from antiosc.models import parameters, reduced_modes
 from antiosc.models.body import ModelInfo, several_sites_message
 from antiosc.models.modal import Damping, ModalBody, SiteModes
 from antiosc.models.motion import Inertia
-from antiosc.models.parameters import Parameters, checked_parameters, sorted_damping, with_sums
+from antiosc.models.parameters import (
+    Parameters,
+    checked_parameters,
+    converted_participation,
+    sorted_damping,
+)
 from antiosc.models.stretch import Stretch
 
 if TYPE_CHECKING:
@@ -428,9 +433,14 @@ class AntiOscillators(ReprMixin, Parameters):
         if isinstance(damping, DampingMatrix):
             remaining = np.delete(np.arange(damping.n), left_out)
             damping = in_coordinates(damping, np.eye(damping.n)[:, remaining])
-        inertia, weights = self.inertia, with_sums(self.participation, self.sites, 1.0)
+        inertia, weights = (
+            self.inertia,
+            converted_participation(self.participation, self.sites, 1.0),
+        )
         if weights is not None:
-            weights = with_sums(np.delete(weights, left_out, axis=0), self.sites, -1.0)
+            weights = converted_participation(
+                np.delete(weights, left_out, axis=0), self.sites, -1.0
+            )
         kept = slice(n_sites + n)
         errors: dict[str, Any] = {
             name: None if (E := getattr(self, name)) is None else E[kept, kept]

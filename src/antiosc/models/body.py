@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 UNKNOWN_SURFACE = "not known"
 
 
-class MeasuredBand(TypedDict):
+class MeasuredBodies(TypedDict):
     """Bodies that all fit one measurement, described by free modes (as in `ModalBody`)."""
 
     top: float  # upper end of the band [rad/s]
@@ -94,7 +94,7 @@ class ModelInfo(ReprMixin):
     direction: Sequence[float] | None = None
     points: Mapping[str, Sequence[float]] | None = None
     no_estimate: str | None = None
-    measured: MeasuredBand | None = None
+    measured: MeasuredBodies | None = None
     surfaces: Mapping[str, Mapping[str, Any]] | None = None
     thickness: float | None = None
     cells: Mapping[str, Sequence[float]] | None = None
@@ -126,7 +126,7 @@ class ModelInfo(ReprMixin):
                 checks.instance(f"info.{name}", getattr(self, name), kinds, expected)
 
         if self.measured is not None:
-            for key in MeasuredBand.__annotations__:
+            for key in MeasuredBodies.__annotations__:
                 checks.floats(f"info.measured, {key},", self.measured.get(key), None)
 
         for site, numbers in (self.cells or {}).items():
@@ -180,7 +180,7 @@ def resolved_frequency(source: Any) -> float:
 
     Parameters
     ----------
-    source : AntiOscillators, NaturalModes, History or BodyHistory
+    source : AntiOscillators, SuperpositionModel, History or BodyHistory
         A model from `extract`, `superposition` or `full`, or the result of an impact on it; for a
         scene `hit.bodies[name]`.
 
@@ -348,7 +348,7 @@ class CoarseLength(NamedTuple):
         return LARGE_CELL_WAVES * self.wavelength / 2
 
 
-def coarse_at(model: object, site: str, contact_time: float) -> CoarseLength | None:
+def coarse_cell(model: object, site: str, contact_time: float) -> CoarseLength | None:
     """The cell at a site if it is too long for the waves of a contact of this time [s], or None."""
     info = info_of(model)
     is_estimated = getattr(model, "strain_error", None) is not None
@@ -382,7 +382,7 @@ def _too_long(
 
 def coarse_cell_warning(model: object, site: str, contact_time: float) -> str:
     """Warning that a cell does not resolve the waves of a contact; "" if it does."""
-    cell = coarse_at(model, site, contact_time)
+    cell = coarse_cell(model, site, contact_time)
     if cell is None:
         return ""
 

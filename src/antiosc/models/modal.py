@@ -286,8 +286,8 @@ class ModalBase(ReprMixin):
             )
 
         rigid_b = np.where(self.omega == 0, self.B[:, 0], 0.0)
-        mobility = float(rigid_b @ rigid_b)
-        if mobility == 0.0:
+        inverse_mass = float(rigid_b @ rigid_b)
+        if inverse_mass == 0.0:
             raise InputError(
                 f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"
                 f" rigid-body motion at its contact point; use 0 or free its supports."
@@ -299,7 +299,7 @@ class ModalBase(ReprMixin):
             if lost_share <= MISSED_ENERGY_SHARE:
                 return start
 
-        return np.asarray(velocity * rigid_b / mobility)
+        return np.asarray(velocity * rigid_b / inverse_mass)
 
     def _rigid_start(self, motion: Motion) -> Array:
         """Modal velocities (J,) of a motion; InputError if supports restrain it."""
@@ -368,7 +368,7 @@ class ModalBody(ModalBase):
         return self.direction[None]
 
     @cached_property
-    def mobility(self) -> float:
+    def inverse_mass(self) -> float:
         """1 / effective mass [1/kg] at the site: of rigid-body modes, else of the static shape."""
         rigid = self.omega == 0
         b = self.b[rigid]

@@ -166,7 +166,9 @@ class Parameters(Body):
         return tuple(labels.get(tuple(row), "") for row in np.eye(self.n_sites).tolist())
 
 
-def with_sums(values: Array | None, sites: Sequence[str], sign: float) -> Array | None:
+def converted_participation(
+    values: Array | None, sites: Sequence[str], sign: float
+) -> Array | None:
     """Participation of shapes psi from that of lambda, Article eq. (8); `sign` -1: the reverse."""
     if values is None or sites:
         return values
@@ -187,7 +189,7 @@ def parameters_by_name(
     one = {name: of_sites[name] for name in SITE_PARAMETERS if of_sites.get(name) is not None}
     weights = of_sites.get("participation")
     if weights is not None:
-        known["participation"] = with_sums(weights @ one["direction"][0], sites, -1.0)
+        known["participation"] = converted_participation(weights @ one["direction"][0], sites, -1.0)
     return known | {name: values[0] for name, values in one.items()}
 
 
@@ -465,9 +467,9 @@ def softened_model(model: ModelType) -> ModelType:
     transform = unit[:, None] * motions
     if not model.sites:
         transform[:, 1:] *= P[0]
-    weights, inertia = with_sums(model.participation, model.sites, 1.0), model.inertia
+    weights, inertia = converted_participation(model.participation, model.sites, 1.0), model.inertia
     if weights is not None:
-        weights = with_sums(transform.T @ weights, model.sites, -1.0)
+        weights = converted_participation(transform.T @ weights, model.sites, -1.0)
     if inertia is not None:
         of_model, hidden = np.split(inertia.momentum, [p + model.n])
         inertia = inertia.along(np.vstack((transform.T @ of_model, hidden)))

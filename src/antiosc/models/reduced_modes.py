@@ -178,7 +178,7 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
     rigid_shapes[:p] = rigid
 
     try:
-        shift = _lowest(K, M, rigid_shapes) if q else 0.0
+        shift = _spectral_shift(K, M, rigid_shapes) if q else 0.0
         L = np.linalg.cholesky(K + shift * M)
     except np.linalg.LinAlgError:
         raise InputError(
@@ -205,7 +205,7 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
     )
 
 
-def _lowest(K: Array, M: Array, rigid_shapes: Array) -> float:
+def _spectral_shift(K: Array, M: Array, rigid_shapes: Array) -> float:
     """Shift s: SHIFT_RATIO times an estimate of the lowest elastic omega^2 of (K, M)."""
     from scipy.linalg import solve_triangular
 

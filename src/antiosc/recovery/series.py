@@ -72,7 +72,7 @@ def write_frames(
             write_vtu(target.with_name(names[-1]), points, cells, {"displacement": field})
         files.write_text(target, _collection(times, names), "the series")
     except OSError as error:
-        raise files.cannot_write("the series", target, error) from error
+        raise files.write_error("the series", target, error) from error
 
 
 def _collection(times: Array, names: list[str]) -> str:

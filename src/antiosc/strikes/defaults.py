@@ -21,7 +21,7 @@ from antiosc.impact.two_bodies import BAND_TIME_PRODUCT, impact_band
 from antiosc.models.body import AUTO, AnyLaw, LinearBody, law_of
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.map_sites import resolved_radius
-from antiosc.reduce.site.surface import StructurePlane, surface_at
+from antiosc.reduce.site.surface import StruckStructure, surface_at
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
@@ -46,12 +46,12 @@ EXPANSION_SHARE = 0.7
 WALL_DURATION_RATIO = 4.0
 
 
-def usual_cell(length: float, thickness: float) -> float:
+def default_cell_size(length: float, thickness: float) -> float:
     """Cell size [m] at the site of a solid of this length [m] and local thickness [m]."""
     return rounded_up(min(BALL_RADIUS_SHARE * length, thickness / CELLS_THROUGH_THICKNESS))
 
 
-def usual_ball(length: float) -> float:
+def default_ball_radius(length: float) -> float:
     """Default radius [m] of a ball that strikes a part whose longest side is `length` [m]."""
     return float(f"{BALL_RADIUS_SHARE * length:.1g}")
 
@@ -83,7 +83,7 @@ def _carrying_radius(
     structure: Structure, load: Functional, radius: float, striker: LinearBody, contact: AnyLaw
 ) -> float | None:
     """Radius [m] of a patch that carries the force of the striker on a rigid wall."""
-    face = StructurePlane(structure, surface_at(structure, load.point, load.direction, radius))
+    face = StruckStructure(structure, surface_at(structure, load.point, load.direction, radius))
     law = law_of(contact, face, striker)
 
     pulse = BAND_TIME_PRODUCT / (2 * impact_band(striker, law))
@@ -103,6 +103,6 @@ def next_count(hit: History) -> int | None:
     )
 
 
-def expansion_of(hit: History) -> float:
+def expansion_frequency(hit: History) -> float:
     """Expansion point [Hz] for more anti-oscillators: a power of two below 1/contact time."""
     return float(2.0 ** floor(log2(EXPANSION_SHARE / hit.assembly.contact_time_estimate)))

@@ -52,14 +52,14 @@ from antiosc.models.body import (
 )
 from antiosc.models.free_modes import SiteModels
 from antiosc.reduce.site.sites import doubtful_patches
-from antiosc.reduce.site.surface import StructurePlane, surface_at
+from antiosc.reduce.site.surface import StruckStructure, surface_at
 from antiosc.strikes.free_sites import BAND_FACTOR, FreeSites, free_sites
 from antiosc.strikes.map_results import (
     ImpactMap,
     excited_band,
     hardest,
     left_out_text,
-    low_band,
+    low_band_text,
     spread_sites,
     with_doubts,
 )
@@ -228,7 +228,7 @@ def impact_map(
 
 def on_plane(structure: Structure, impactor: LinearBody | None, contact: AnyLaw) -> ContactLaw:
     """The law `contact`; for "auto" the law for the impactor on a flat face of the structure."""
-    return law_of(contact, StructurePlane(structure), impactor)
+    return law_of(contact, StruckStructure(structure), impactor)
 
 
 def _laws_and_exceptions(
@@ -247,7 +247,7 @@ def _laws_and_exceptions(
             with contextlib.suppress(InputError):
                 patch = None if np.isnan(radius) else radius
                 of_site = surface_at(structure, point, direction, patch)
-            body = StructurePlane(structure, of_site)
+            body = StruckStructure(structure, of_site)
             try:
                 laws.append(law_of(AUTO, body, impactor))
             except InputError:
@@ -297,7 +297,7 @@ def _warn_of_sites(result: ImpactMap, accuracy: float) -> None:
 
 def _warn_of_impacts(result: ImpactMap, thickness: float | None) -> None:
     """Warn of doubtful sites, of impacts beyond the band, and of a sheet that stretches."""
-    sentences = [left_out_text(result), low_band(result)]
+    sentences = [left_out_text(result), low_band_text(result)]
 
     if (
         thickness is not None

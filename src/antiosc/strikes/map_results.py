@@ -300,7 +300,7 @@ def excited_band(impactor: LinearBody | None, contact: ContactLaw | None) -> flo
     return 2 * math.pi * impact_band(impactor, contact)
 
 
-def low_band(result: ImpactMap) -> str:
+def low_band_text(result: ImpactMap) -> str:
     """Sentence if the impact excites frequencies above the band of the map's models; else ""."""
     excited = excited_band(result.impactor, result.contact)
     if excited is None or 2 * math.pi * result.band >= excited:

@@ -94,7 +94,7 @@ def _run_of_either_order(
         " neither theory holds, and no number"
         f" here does. The part is stiffer than that; {EXPLICIT_REMEDY}."
     )
-    linear.assembly.beyond_theory = text
+    linear.assembly.theory_warning = text
 
     advice = large_deflection_message(linear)  # to take second-order strain
     message = f"{linear.message.replace(advice, '')} {text}"

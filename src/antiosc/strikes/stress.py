@@ -67,7 +67,7 @@ def fields_by_strength(structure: Structure, hit: History, **options: Any) -> di
     """criterion -> stress field for the materials' strengths; "von_mises" without strengths."""
     if "quantity" in options:
         return {options["quantity"]: peak_field(structure, hit, **options)}
-    if hit.assembly.beyond_theory:
+    if hit.assembly.theory_warning:
         return {}
     if criteria := criteria_of(structure):
         return {name: peak_field(structure, hit, name, **options) for name in criteria}

@@ -252,7 +252,8 @@ def strike_to_tolerance(
 def _with_stresses(
     hit: History, structure: Structure, tol: float, finer: stress.MakeFiner, site: Site, n: int
 ) -> History:
-    """The history with stress fields whose mesh error bars are at most `tol`."""
+    """The history with stress fields whose mesh error bars are at most `tol`; on meshes by `finer`
+    it is computed anew, with `n` anti-oscillators at the site."""
 
     def struck(part: Structure) -> History:
         return stress.struck_again(hit, part, extract(part, site, n=n))
@@ -361,7 +362,7 @@ def answer_with_n(
     hit, budget = raw, raw.error_budget
 
     # a shell's corrected model is not always nearer
-    if model.strain_misfit is None and not raw.assembly.beyond_theory:
+    if model.strain_misfit is None and not raw.assembly.theory_warning:
         hit = run(raw.model.corrected(), accuracy)
         hit.assembly.omitted_stretch_ratio = raw.assembly.omitted_stretch_ratio
         budget = budget.of_corrected(hit)

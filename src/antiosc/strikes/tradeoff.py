@@ -30,7 +30,7 @@ from antiosc.base.texts import Result, engineering, percent, plain_number
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.petsc_algebra import uses_cells
 from antiosc.fem.linalg.solver import cost_of_factor
-from antiosc.fem.linalg.solver_choice import stored_entries
+from antiosc.fem.linalg.solver_choice import assembled_entries
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import collective, compat
 from antiosc.fem.structure.structure import Structure
@@ -397,7 +397,7 @@ class ComputedMember:
         """The member for the unreduced model on this mesh, with its difference from `finest`."""
         numbers = curve_results(outcome.curve)
         K = self.answer.structure.K
-        stored_bytes = 0.0 if uses_cells(K) else BYTES_PER_MATRIX_ENTRY * stored_entries(K)
+        stored_bytes = 0.0 if uses_cells(K) else BYTES_PER_MATRIX_ENTRY * assembled_entries(K)
         return replace(
             self.member,
             method=UNREDUCED_METHOD,
@@ -450,7 +450,7 @@ def member_of(answer: MeshAnswer) -> TradeoffMember:
     solver = structure.factorize()
     cost = solver.cost or cost_of_factor(getattr(solver, "entries", 0.0), 1.0)
     K = structure.K
-    stored_bytes = 0.0 if uses_cells(K) else BYTES_PER_MATRIX_ENTRY * stored_entries(K)
+    stored_bytes = 0.0 if uses_cells(K) else BYTES_PER_MATRIX_ENTRY * assembled_entries(K)
     integrand = compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 1)
     volume = compat.integrate(integrand, mesh.dolfinx)
     seconds = structure.seconds["assembly"] + answer.seconds

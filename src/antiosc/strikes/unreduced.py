@@ -81,7 +81,7 @@ def unreduced_impact(
     part, ball = assembly.stacked.spans["structure"], assembly.stacked.spans["impactor"]
     if assembly.stretch_forces:
         raise InputError("the part has second-order forces, and other methods are linear")
-    if system.damped:
+    if system.has_damping:
         raise InputError("the part or the impactor is damped, and other methods are not")
     if system.v[part].any() or system.loads[:, part].any():
         raise InputError("the part moves at the start or falls, and other methods begin at rest")

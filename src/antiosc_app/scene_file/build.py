@@ -133,14 +133,14 @@ class Evaluation:
         return self._made.get(call, call.result)
 
 
-def with_named_materials(data: Table) -> Table:
+def with_material_tables(data: Table) -> Table:
     """The scene with each material's name, also in parts and groups, replaced by a table."""
     filled_data = dict(data)
     if "material" in data:
         filled_data["material"] = _material_tables(data["material"])
     if isinstance(data.get("parts"), dict):
         filled_data["parts"] = {
-            name: with_named_materials(part) if isinstance(part, dict) else part
+            name: with_material_tables(part) if isinstance(part, dict) else part
             for name, part in data["parts"].items()
         }
     return filled_data
@@ -162,7 +162,7 @@ class Builder:
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self.data: Table = with_named_materials(document.data)
+        self.data: Table = with_material_tables(document.data)
         #: (place, sentence): notes a mistake
         self.note = document.mistakes.add_mistake
         #: warnings of the objects that were made

@@ -16,14 +16,14 @@ from antiosc_app.scene_file.scene import (
     CompiledScene,
     impactor_and_law,
     model_call,
-    set_requested,
+    set_probes_and_stress,
     set_search,
     set_several_contacts,
     set_single_impact,
     structure_call,
     structure_section,
     with_smaller_cells,
-    worst_by_strengths,
+    worst_stress_field,
 )
 from antiosc_app.scene_file.schema import SECTIONS, SOURCE_SECTIONS, heading_of
 
@@ -134,7 +134,7 @@ def compile_document(document: Document) -> CompiledScene:
     elif {"impactor", "contact", *_IMPACT_SECTIONS.split()} & set(build.data):
         scene.impactor, scene.contact = impactor_and_law(build)
         set_single_impact(build, scene)
-    set_requested(build, scene)
+    set_probes_and_stress(build, scene)
     if "drop" in build.data:
         scene.fall = build.call_of_section("drop", given_arguments={"part": scene.structure})
         arguments = {"self": scene.fall}
@@ -149,7 +149,7 @@ def compile_document(document: Document) -> CompiledScene:
             known = {} if scene.worst is None else scene.worst.arguments
             finer = functools.partial(with_smaller_cells, build, scene.structure)
             known = {**arguments, "finer": finer, **known}
-            scene.worst = Call(worst_by_strengths, known, ("worst",))
+            scene.worst = Call(worst_stress_field, known, ("worst",))
     scene.batch = run.sweep_call(build, scene)
     if scene.batch is not None:
         known = {"batch": scene.batch, "arguments": scene.batch.arguments}

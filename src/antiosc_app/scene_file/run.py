@@ -136,7 +136,7 @@ def leaf_values(table: Table, place: Place = ()) -> Iterator[tuple[Place, Any]]:
             yield (*place, key), value
 
 
-def varied_scene(
+def varied_builder(
     build: Builder,
     values: Mapping[Place, object],
     origins: Mapping[Place, Place],
@@ -290,7 +290,7 @@ def _batch_call(
     for i in range(count):
         values = {place: entries[i] for place, entries in varied_lists.items()}
         origins = {place: ("sweep", *place, i) for place in varied_lists}
-        variant = varied_scene(build, values, origins, build.document.mistakes)
+        variant = varied_builder(build, values, origins, build.document.mistakes)
         # objects that the values do not change are shared
         part = stretches if swept <= {*schema.SWEPT_SECTIONS} else _varied_model(variant)
         pair = (compiled.impactor, compiled.contact)
@@ -399,7 +399,7 @@ def _distributions(build: Builder, random_inputs: Table) -> dict[Place, Call | N
         law = calls[place] = build.call(schema.DISTRIBUTION_NAMES.split(), value, at)
         if law is not None:  # a scene with the median has to be sound
             middle = {place: float(law.result.median())}
-            impactor_and_law(varied_scene(build, middle, {place: at}, build.document.mistakes))
+            impactor_and_law(varied_builder(build, middle, {place: at}, build.document.mistakes))
     return calls
 
 
@@ -416,7 +416,7 @@ def _impact_of_values(
 
     def impact_of(**values: Any) -> tuple[object, ...]:
         drawn = {place: values[name] for name, place in places.items()}
-        scene = varied_scene(build, drawn, origins, Mistakes(problems.name, problems.text))
+        scene = varied_builder(build, drawn, origins, Mistakes(problems.name, problems.text))
         calls = impactor_and_law(scene)
         scene.document.mistakes.raise_if_any()
         for sentence in scene.warnings:

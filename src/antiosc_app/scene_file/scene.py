@@ -310,7 +310,7 @@ def set_single_impact(build: Builder, compiled: CompiledScene) -> None:
     if is_refined_by_strike(build):  # a file or mesh with material and supports
         read = build.call_of_section("geometry")
         calls["source"] = (
-            read.arguments["source"] if read is not None and _is_geometry_file(read) else read
+            read.arguments["source"] if read is not None and _strike_reads_file(read) else read
         )
         calls["material"] = _material_call(build, build.data, ())
         calls |= _support_arguments(build, build.data, ())
@@ -321,7 +321,7 @@ def set_single_impact(build: Builder, compiled: CompiledScene) -> None:
     )
 
 
-def _is_geometry_file(read: Call) -> bool:
+def _strike_reads_file(read: Call) -> bool:
     """Whether [strike] reads the file of [geometry] itself."""
     options = set(read.arguments) - {"source"}
     suffix = Path(str(read.arguments.get("source"))).suffix.lower()
@@ -448,7 +448,7 @@ def shock_of_probe(
 ) -> ProbeShock:
     """The shock response spectra of a probe, computed from its velocity.
 
-    `srs_key`: value of the key srs; `quantity` is not used; `arguments`: other arguments.
+    `srs_key`: value of the key srs; `quantity` is not used; `arguments`: others of `shock_of`.
     """
     return shock_of(structure, history, _srs_frequencies(srs_key), **arguments)
 
@@ -460,7 +460,7 @@ def _srs_frequencies(srs_key: SpectrumKey) -> tuple[float, ...]:
     return tuple(np.ravel(srs_key).tolist())
 
 
-def set_requested(build: Builder, compiled: CompiledScene) -> None:
+def set_probes_and_stress(build: Builder, compiled: CompiledScene) -> None:
     """Set the calls of [probes] and of [stress]; default: all criteria with a strength."""
     part: Call | None = compiled.structure
     if compiled.is_strike and part is None:
@@ -483,7 +483,7 @@ def set_requested(build: Builder, compiled: CompiledScene) -> None:
     if "stress" in build.data:
         _set_stress(build, compiled, arguments)
     elif meshed:
-        compiled.stresses = Call(by_strengths, arguments)
+        compiled.stresses = Call(stress_fields, arguments)
 
 
 def _set_stress(build: Builder, compiled: CompiledScene, arguments: Table) -> None:
@@ -590,14 +590,14 @@ def _check_srs(build: Builder, name: str, quantity: object, srs_key: SpectrumKey
         )
 
 
-def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:
+def stress_fields(structure: Structure, history: History) -> dict[str, PeakField]:
     """Stress fields by quantity: each criterion with a strength, else von Mises stress."""
     with finite_element_packages():
         from antiosc.strikes.stress import fields_by_strength
     return fields_by_strength(structure, history)
 
 
-def worst_by_strengths(
+def worst_stress_field(
     self: Fall, finer: Callable[..., Structure] | None = None, **options: Any
 ) -> WorstField | None:
     """The stress field with the largest exposure in a fall; None if no stress is known.

@@ -88,17 +88,17 @@ def repeat_until_enough(
     separated.
     """
     from antiosc.impact.histories.site_motion import LONGER, parted
-    from antiosc.strikes.defaults import expansion_of, next_count
+    from antiosc.strikes.defaults import expansion_frequency, next_count
 
     longest = LONGER * choice.duration
     while True:
         result, hit = run(choice)
-        if hit.status == STOPPED or hit.assembly.beyond_theory:
+        if hit.status == STOPPED or hit.assembly.theory_warning:
             return result, choice
 
         more = next_count(hit) if add_oscillators else None
         if more is not None and more > choice.oscillator_count:  # else the part has no more
-            choice = choice._replace(oscillator_count=more, expansion=expansion_of(hit))
+            choice = choice._replace(oscillator_count=more, expansion=expansion_frequency(hit))
         elif extend_duration and choice.duration < longest and not parted(hit):
             choice = choice._replace(duration=2 * choice.duration)
         else:

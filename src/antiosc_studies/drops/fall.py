@@ -275,7 +275,7 @@ class Fall(Result):
             elastic = a[:, 6:]
         else:
             R = Flight(body, phase, gravity).orientation(times)
-            spin = phase.momentum @ R @ body.inverse_inertia
+            spin = phase.angular_momentum @ R @ body.inverse_inertia
             angular = linear = np.zeros(3)
             q, p = free_vibration(body.omega, body.decay, phase.q, phase.p, times)
             elastic = -(body.omega**2) * q - 2 * body.decay * p

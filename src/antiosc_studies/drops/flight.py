@@ -188,7 +188,7 @@ class Flight:
         self.start = start
         self.gravity = gravity
         #: R (n, 3, 3) at times (n,) since the start
-        self.orientation = free_rotation(*body.principal_inertia, start.R, start.momentum)
+        self.orientation = free_rotation(*body.principal_inertia, start.R, start.angular_momentum)
 
     def longest_duration(self) -> float:
         """Time [s] within which a point must touch, as later the whole body is below the floor."""
@@ -208,7 +208,7 @@ class Flight:
             s.centre + s.velocity * t + 0.5 * g * t * t,
             s.velocity + g * t,
             self.orientation(instant)[0],
-            s.momentum,
+            s.angular_momentum,
             q[0],
             p[0],
         )

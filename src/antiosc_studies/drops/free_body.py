@@ -136,14 +136,14 @@ class State:
     centre: Array
     velocity: Array
     R: Array  # (3, 3) rotation from the axes of the body to those of the floor
-    momentum: Array  # (3,) angular momentum about the centre [kg m^2/s]
+    angular_momentum: Array  # (3,) about the centre [kg m^2/s]
     #: q, p: (J,) elastic modal displacements and velocities
     q: Array
     p: Array
 
     def spin(self, body: FreeBody) -> Array:
         """Angular velocity (3,) in the axes of the floor [rad/s]."""
-        return np.asarray(self.R @ (body.inverse_inertia @ (self.R.T @ self.momentum)))
+        return np.asarray(self.R @ (body.inverse_inertia @ (self.R.T @ self.angular_momentum)))
 
     def positions(self, body: FreeBody, indices: Indices = slice(None)) -> Array:
         """Positions (n, 3) [m] of the points relative to the centre, in the axes of the floor.
@@ -162,6 +162,6 @@ class State:
     def energies(self, body: FreeBody, gravity: float) -> tuple[float, float, float]:
         """(kinetic energy of the rigid motion, energy of vibration, potential by gravity) [J]."""
         rigid = 0.5 * body.mass * self.velocity @ self.velocity
-        rigid += 0.5 * self.momentum @ self.spin(body)
+        rigid += 0.5 * self.angular_momentum @ self.spin(body)
         elastic = 0.5 * (self.p @ self.p + (body.omega * self.q) @ (body.omega * self.q))
         return float(rigid), float(elastic), float(body.mass * gravity * self.centre[2])

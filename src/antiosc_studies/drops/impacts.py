@@ -22,7 +22,7 @@ class FallImpact:
 
     time : time of the first touch [s]; contact_time : from there to the last release [s].
     touches : number of times that the part touches in the contact time, with flights in between.
-    hardest_touch : duration [s] of the touch with the largest force.
+    hardest_touch_duration : duration [s] of the touch with the largest force.
     place : (3,) point that takes the largest impulse, in the axes of the mesh [m].
     contacts : number of points that touched.
     peak_force : largest sum of the normal forces [N]; impulse : sum of the normal impulses [N s].
@@ -36,7 +36,7 @@ class FallImpact:
     time: float
     contact_time: float
     touches: int
-    hardest_touch: float
+    hardest_touch_duration: float
     place: Array
     contacts: int
     peak_force: float
@@ -157,7 +157,7 @@ def impact_of(body: FreeBody, gravity: float, contacts: PointContacts) -> FallIm
         time=first.time,
         contact_time=last.time - first.time,
         touches=_touch_count(force),
-        hardest_touch=_hardest_touch_duration(time, force),
+        hardest_touch_duration=_hardest_touch_duration(time, force),
         place=place,
         contacts=sum(value > 0 for value in impulses.values()),
         peak_force=max(current.peak_force() for current in episodes),

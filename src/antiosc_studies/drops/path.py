@@ -244,7 +244,9 @@ def run_scene(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHis
     if at_start or (ended.answer and presses and friction * wedge > 1):
         raise _jam_error(friction, wedge)
 
-    history = _history(assembly, converged.run, {"force": converged.force, "peak": converged.peak})
+    history = _history(
+        assembly, converged.run, {"force": converged.force_error, "peak": converged.peak_error}
+    )
     check_range(history)
     return history, converged.step_tol
 

@@ -74,7 +74,7 @@ def scene_of(
     sites = body.patches(indices)
     arms = start.positions(body, indices)
     bodies: dict[str, Any] = {BODY: _body_in_scene(touch, sites, arms), FLOOR: Obstacle()}
-    rigid = modes @ np.append(body.mass * start.velocity, start.momentum)
+    rigid = modes @ np.append(body.mass * start.velocity, start.angular_momentum)
     motion = {BODY: ModalState(np.append(np.zeros(6), start.q), np.append(rigid, start.p))}
     previous = [ongoing.get(i) for i in indices.tolist()]
     contacts = [

@@ -154,7 +154,7 @@ def _absorbable_energy(body: FreeBody, state: State, W: Array, r: Array, sticks:
         velocities.reshape(6, -1) if sticks else velocities[:, :, 2]
     )
     directions = U[:, : singular_values.size][:, singular_values > FREE_SHARE * singular_values[0]]
-    momentum = directions.T @ W @ np.append(body.mass * state.velocity, state.momentum)
+    momentum = directions.T @ W @ np.append(body.mass * state.velocity, state.angular_momentum)
     return float(momentum @ momentum / 2)
 
 

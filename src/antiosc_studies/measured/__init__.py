@@ -14,7 +14,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.texts import percent
-from antiosc.models.body import MeasuredBand, ModelInfo
+from antiosc.models.body import MeasuredBodies, ModelInfo
 from antiosc_studies.measured.fit import (
     BodyFit,
     MeasuredReceptances,
@@ -208,12 +208,14 @@ def _warn_unclear(data: MeasuredReceptances, modes: FittedModes) -> None:
     )
 
 
-def _consistent_bodies(data: MeasuredReceptances, fit: BodyFit) -> MeasuredBand:
+def _consistent_bodies(data: MeasuredReceptances, fit: BodyFit) -> MeasuredBodies:
     """Free modes of other bodies that fit the measurement equally well."""
     noisy = with_other_noise(data, fit)
     rows = (_free_modes_of(modes) for modes in (*noisy, *fit.other_tails))
     omega, decay, b, r = map(list, zip(*rows, strict=True))
-    return MeasuredBand(top=float(data.w[-1]), draws=len(noisy), omega=omega, decay=decay, b=b, r=r)
+    return MeasuredBodies(
+        top=float(data.w[-1]), draws=len(noisy), omega=omega, decay=decay, b=b, r=r
+    )
 
 
 def _free_modes_of(modes: FittedModes) -> tuple[list[float], list[float], list[float], float]:

@@ -350,7 +350,8 @@ def covariance(normal: Array) -> Array:
 
 
 def with_nonzero_terms(data: MeasuredReceptances, modes: FittedModes) -> FittedModes:
-    """The modes with small values instead of zero terms, at which the cost has zero gradient."""
+    """The modes with small values in place of zero shapes and residuals, where the gradient of the
+    fit's cost vanishes."""
     low = slice(len(data.w) // 8 + 1)
     size = INITIAL_RESIDUAL_RATIO * np.median(np.abs(data.H))
     mass = INITIAL_RESIDUAL_RATIO * np.median(np.abs(data.H[low]) * data.w[low, None] ** 2)

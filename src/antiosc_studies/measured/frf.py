@@ -397,12 +397,12 @@ class FRF(ReprMixin):
     @property
     def receptance(self) -> ComplexArray:
         """Displacement per force [m/N], with the shape of `values`."""
-        return self.values / self._power
+        return self.values / self._derivative_factor
 
     @property
     def receptance_sigma(self) -> Array | None:
         """Standard deviation [m/N] of the complex receptances; None if unknown."""
-        scale = np.abs(self._power)
+        scale = np.abs(self._derivative_factor)
         if self.sigma is not None:
             return self.sigma / scale
         if self.coherence is None:
@@ -423,7 +423,7 @@ class FRF(ReprMixin):
         return [(m, n) for m in range(len(self.sites)) for n in reference_sites]
 
     @property
-    def _power(self) -> ComplexArray:
+    def _derivative_factor(self) -> ComplexArray:
         """(iw)^power, with as many dimensions as `values`."""
         power = (2j * np.pi * self.frequency) ** DERIVATIVE_ORDERS[self.quantity]
         return power.reshape(-1, *[1] * (self.values.ndim - 1))
@@ -502,9 +502,9 @@ class FRF(ReprMixin):
         if sigma is not None:
             gain = np.abs(np.linalg.inv(np.eye(p) + x * H * m)) ** 2
             sigma = np.sqrt(gain @ sigma.reshape(-1, p, p) ** 2 @ np.abs(inverse) ** 2)
-            sigma = sigma.reshape(self.values.shape) * np.abs(self._power)
+            sigma = sigma.reshape(self.values.shape) * np.abs(self._derivative_factor)
 
-        values = (H @ inverse).reshape(self.values.shape) * self._power
+        values = (H @ inverse).reshape(self.values.shape) * self._derivative_factor
         return replace(self, values=values, sigma=sigma, coherence=None)
 
 

@@ -21,7 +21,7 @@ from antiosc.recovery.place import Place, Reach
 from antiosc.reduce.extraction.stretching import second_order_energies
 from antiosc.strikes import second_order
 from antiosc_app import headline
-from antiosc_app.scene_file.scene import by_strengths
+from antiosc_app.scene_file.scene import stress_fields
 from antiosc_decks.shared_nodes import SharedNodes
 from assemblies import box, line
 from full_second_order import Full
@@ -456,7 +456,7 @@ def test_a_blow_far_beyond_second_order_strain_is_refused_at_once(solid, monkeyp
     with pytest.warns(ao.AccuracyWarning, match="deflects by") as warned:
         hit = ao.strike(part, site, ball, ao.Hertz(5e9), 40e-3, tol=0.5)
     assert hit.assembly.omitted_stretch_ratio == 0.0
-    told = hit.assembly.beyond_theory
+    told = hit.assembly.theory_warning
     assert "no number here does" in told
     sentences = [str(one.message) for one in warned]
     assert [one for one in sentences if "deflects by" in one] == [told]
@@ -471,5 +471,5 @@ def test_a_blow_far_beyond_second_order_strain_is_refused_at_once(solid, monkeyp
     assert budget.no_bar
     assert budget["peak_force"].total is None
     assert budget.unknown["mesh"].startswith("The part deflects by ")
-    assert by_strengths(part, hit) == {}
+    assert stress_fields(part, hit) == {}
     assert " deflects by " in headline.caution_of_impact(hit, budget)

@@ -29,7 +29,7 @@ HERTZ_POWER = 0.4
 
 def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | None:
     """Relative error of a peak force [N] due to law and yield strength; None if unknown."""
-    if unknown_error(choice, peak):
+    if unknown_error_reason(choice, peak):
         return None
 
     law = choice.law
@@ -55,7 +55,7 @@ def error_of_law(choice: Choice, peak: float) -> float:
     return error
 
 
-def unknown_error(choice: Choice, peak: float) -> str:
+def unknown_error_reason(choice: Choice, peak: float) -> str:
     """Reason why the error of a peak force [N] due to its law is unknown; "" if it is known."""
     strain = _strain(choice, peak)
     largest = largest_strain(choice)

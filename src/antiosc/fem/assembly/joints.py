@@ -30,7 +30,7 @@ from antiosc.fem.assembly.joint import (
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.elements.beam import Beam, height_directions
 from antiosc.fem.structure import checked_axis, in_space, perpendiculars, skew
-from antiosc.fem.structure.attachments import NAME_CHECK, ElasticTerm, by_components
+from antiosc.fem.structure.attachments import NAME_CHECK, ElasticTerm, checked_components
 from antiosc.fem.structure.loads import UNIT_MOTIONS, PointMotion
 from antiosc.fem.structure.meshed import Member
 from antiosc.io.matrices import COMPONENTS, DISPLACEMENTS, ROTATIONS
@@ -46,7 +46,7 @@ BENDING_PLANES = ((1, 5, 1.0), (2, 4, -1.0))
 
 
 @dataclass(frozen=True)
-class _Pin(TwoEnds):
+class _PointJoint(TwoEnds):
     """Base of joints by which both ends have the same motion in some directions at `point`."""
 
     point: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
@@ -77,7 +77,7 @@ class _Pin(TwoEnds):
 
 
 @dataclass(frozen=True)
-class Weld(_Pin):
+class Weld(_PointJoint):
     """Two ends that have the same displacement and rotation at a point.
 
     Parameters
@@ -97,7 +97,7 @@ class Weld(_Pin):
 
 
 @dataclass(frozen=True)
-class Ball(_Pin):
+class Ball(_PointJoint):
     """Two ends that have the same displacement at a point and rotate freely.
 
     Parameters as for `Weld`.
@@ -108,7 +108,7 @@ class Ball(_Pin):
 
 
 @dataclass(frozen=True)
-class _AxisJoint(_Pin):
+class _AxisJoint(_PointJoint):
     """Base of joints that leave the rotation about `axis`, or the displacement along it, free."""
 
     axis: Sequence[float] = field(default=(0.0, 0.0, 1.0), metadata=checked_by(checked_axis))
@@ -269,7 +269,7 @@ def _checked_term(term: object) -> tuple[End, str, float]:
 
 
 AXES = (*COMPONENTS, "axial")
-AXES_CHECK = checked_by(by_components, "Bushing", AXES)
+AXES_CHECK = checked_by(checked_components, "Bushing", AXES)
 
 
 def _checked_branches(_: str, branches: object) -> tuple[tuple[dict[str, float], float], ...]:
@@ -283,7 +283,7 @@ def _checked_branches(_: str, branches: object) -> tuple[tuple[dict[str, float],
 
     return tuple(
         (
-            by_components("stiffness of a branch", stiffness, "Bushing", AXES),
+            checked_components("stiffness of a branch", stiffness, "Bushing", AXES),
             positive("a relaxation time", tau, "s"),
         )
         for stiffness, tau in branches

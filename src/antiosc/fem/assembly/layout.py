@@ -361,7 +361,7 @@ class Layout:
                 entries.append((self.dofs(member, nodes, name)[:, None], values))
         return self._stacked(entries, len(nodes))
 
-    def curl(self, member: Member, cell: IntArray, X: Array) -> Sparse:
+    def half_curl(self, member: Member, cell: IntArray, X: Array) -> Sparse:
         """Functionals (3P, n): ½ ∇ × u at reference points X (P, tdim) in cells (P,) of a solid."""
         form = member.part.form
         _, J = member.part.mesh.geometry.at(cell, X)

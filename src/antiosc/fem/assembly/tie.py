@@ -351,7 +351,7 @@ def _leader_motions(
         rotations = (
             layout.at_points(member, cell, X, ROTATIONS)
             if member.has_rotations
-            else layout.curl(member, cell, X)
+            else layout.half_curl(member, cell, X)
         )
         levers = [Sparse(-lever) for lever in skew(arm)]  # θ → θ × r
         lever = scipy.sparse.block_diag(levers, format="csr")

@@ -32,8 +32,8 @@ from antiosc.fem.elements.solid import (
     VOIGT_PAIRS,
     AnisotropicSolid,
     Solid,
-    depth_of,
     isotropic_stress,
+    thickness_of,
     voigt_stiffness,
     voigt_strain,
 )
@@ -116,7 +116,7 @@ def _solid_strain(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
         )
 
     stress = isotropic_stress(mesh, parts)
-    depth = depth_of(mesh, parts)
+    depth = thickness_of(mesh, parts)
     return SecondOrderStrain(
         lambda u: ufl.sym(ufl.grad(u)), solid_eta, lambda e: depth * stress(e), degree
     )

@@ -255,7 +255,7 @@ for _name in ("tetra_product", "tetra_of_linear", "linear_product", "curved_prod
         _function.argtypes = c_void_p, _real, _real, c_void_p, c_void_p
 
 
-def cellwise_products(
+def cellwise_tetrahedra(
     mesh: Mesh, form: WeakForm, parts: Parts, conditions: Mapping[tuple[int, ...], IntArray]
 ) -> Tetrahedra | None:
     """`Tetrahedra` for a large part of quadratic isotropic tetrahedra; None for other parts."""

@@ -33,7 +33,7 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError, MissingDependencyError, NotConvergedError
-from antiosc.base.process import MEMORY_REMEDY, allocation_failed, blas_threads, one_thread
+from antiosc.base.process import MEMORY_REMEDY, allocation_error, blas_threads, one_thread
 
 #: Bytes for `cholmod_common`, of which the library uses less than a tenth.
 COMMON_BYTES = 1 << 16
@@ -157,7 +157,7 @@ def call_error(common: Common, what: str, size: float | None = None) -> AntioscE
     """The error for a failed CHOLMOD call in the step `what`, which needs `size` bytes."""
     if common.status == OUT_OF_MEMORY:
         need = "" if size is None else f" of {size / 1e9:.3g} GB"
-        return allocation_failed(
+        return allocation_error(
             f"{what}{need}", remedy=f"use the solver 'iterative', {MEMORY_REMEDY[4:]}"
         )
     return NotConvergedError(f"CHOLMOD failed during {what} (status {common.status}).")

@@ -128,12 +128,12 @@ def _blocks_of_solutions(
 
 def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
     """bᵀA⁻¹b (P,) of every column b of `loads` (n, P), A being factored."""
-    walks = Walks(factor)
+    substitution = ForwardSubstitution(factor)
     B = scipy.sparse.csc_matrix(loads)
     loaded = np.flatnonzero(np.diff(B.indptr))
 
     # columns in postorder: neighbours in the tree follow one another
-    first = np.minimum.reduceat(walks.position[B.indices], B.indptr[loaded])
+    first = np.minimum.reduceat(substitution.position[B.indices], B.indptr[loaded])
     order = loaded[np.argsort(first, kind="stable")]
     blocks = [order[k : k + LOADS_PER_WALK] for k in range(0, len(order), LOADS_PER_WALK)]
 
@@ -143,7 +143,7 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
         counting("sites of the map", len(order)) as report,
         ThreadPoolExecutor(free_threads()) as pool,
     ):
-        found = pool.map(walks.compliances, (B[:, sites] for sites in blocks))
+        found = pool.map(substitution.compliances, (B[:, sites] for sites in blocks))
         for sites, values in zip(blocks, found, strict=True):
             result[sites] = values
             done += len(sites)
@@ -152,7 +152,7 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
     return result
 
 
-class Walks:
+class ForwardSubstitution:
     """Forward substitution of sparse loads along a factor's elimination tree."""
 
     def __init__(self, factor: Cholesky) -> None:

@@ -38,7 +38,7 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import NotConvergedError
-from antiosc.base.process import allocation_failed
+from antiosc.base.process import allocation_error
 from antiosc.engine import library
 from antiosc.fem.linalg.algebra import diagonal
 from antiosc.fem.linalg.petsc_algebra import (
@@ -98,7 +98,7 @@ class PetscSolver(Solver):
             self._ksp.setUp()
         except PETSc.Error as error:
             if error.ierr == PETSC_NO_MEMORY:
-                raise allocation_failed(f"the solver of {self.A.getSize()[0]} dofs") from error
+                raise allocation_error(f"the solver of {self.A.getSize()[0]} dofs") from error
             raise NotConvergedError(SINGULAR_MESSAGE.format(f"PETSc error {error.ierr}")) from error
 
         self._b, self._x = self.A.createVecs()
@@ -242,7 +242,7 @@ class TwoLevels(Multigrid):
         else:
             set_near_null_space(coarse, at_vertices(self._P, self._motions()))
             T, aggregates = aggregation(coarse)
-            level = linear_cells(self.A, self._P) if uses_cells(self.A) else coarse
+            level = linear_coarse_matrix(self.A, self._P) if uses_cells(self.A) else coarse
             solve = Cycle(level, T, self._inverse(aggregates), AGGREGATED_CYCLES)
             del T, aggregates, level
 
@@ -368,7 +368,7 @@ def without_fixed(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
 def coarse_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
     """The coarse matrix PᵀAP, with 1 on the diagonal where a column of P is empty."""
     if uses_cells(A):
-        return _with_ones(with_entries(linear_cells(A, P)), P)
+        return _with_ones(with_entries(linear_coarse_matrix(A, P)), P)
     product = A.ptap(P)
     register_for_release(product)
     return _with_ones(product.copy(), P)  # which does not hold A and P
@@ -383,7 +383,7 @@ def _with_ones(coarse: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
     return coarse
 
 
-def linear_cells(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
+def linear_coarse_matrix(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
     """Coarse matrix, from linear elements, of a matrix A that is multiplied cell by cell."""
     product = A.getAttr(CELLS_KEY)
     return cell_matrix(product.cells.coarse(P, empty_columns(P)), product.k, product.m)

@@ -157,23 +157,29 @@ class LevelSizes:
         return self.products.bytes * self.stored + COARSE_ENTRY_BYTES * self.coarse
 
     @property
-    def set_up(self) -> float:
+    def setup_seconds(self) -> float:
         """Seconds of the set-up of the levels."""
         return SET_UP_SECONDS * self.stored + _factor_seconds(self.coarse)
 
     @property
-    def iteration(self) -> float:
+    def iteration_seconds(self) -> float:
         """Seconds of one iteration."""
         return self.products.seconds * self.stored + COARSE_SECONDS * self.coarse
 
     def cost(self, iterations: float, columns: float) -> Cost:
         """Cost of a model whose solves take `iterations` iterations each."""
-        solves = SOLVES_OF_MODEL * columns * iterations * self.iteration
-        return Cost(self.bytes, self.set_up + solves)
+        solves = SOLVES_OF_MODEL * columns * iterations * self.iteration_seconds
+        return Cost(self.bytes, self.setup_seconds + solves)
 
     def iterations_within(self, seconds: float, columns: float) -> int:
         """Most iterations per solve for which the model's total time is at most `seconds`."""
-        return max(0, int((seconds - self.set_up) / (SOLVES_OF_MODEL * columns * self.iteration)))
+        return max(
+            0,
+            int(
+                (seconds - self.setup_seconds)
+                / (SOLVES_OF_MODEL * columns * self.iteration_seconds)
+            ),
+        )
 
 
 def checked_choice(choice: SolverChoice) -> SolverChoice:
@@ -288,7 +294,7 @@ class SuperLU(Factorization):
             raise NotConvergedError(SINGULAR_MESSAGE.format(f"SuperLU: {error}")) from error
         except MemoryError as error:
             noun = f"the factor of {self.A.shape[0]} dofs"
-            raise process.allocation_failed(noun, error, REDUCE_REMEDY) from error
+            raise process.allocation_error(noun, error, REDUCE_REMEDY) from error
 
         if not np.array_equal(self._lu.perm_r, self._lu.perm_c):
             raise NotConvergedError(SINGULAR_MESSAGE.format("a pivot is zero"))

@@ -250,13 +250,13 @@ def _chosen_solver(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: 
     if fits and (direct_only or rows < LEAST_TIMED_DOFS):
         return factorize(A)
 
-    analysis = 0.0 if uses_cells(A) else ANALYSIS_BYTES * stored_entries(A)
+    analysis = 0.0 if uses_cells(A) else ANALYSIS_BYTES * assembled_entries(A)
     process.require_memory(analysis, f"any solver of {rows} dofs", SMALLER_MESH_REMEDY, free)
     forecast = forecast_of(A, levels.prolongation() if uses_cells(A) else None)
     need = FACTOR_ENTRY_BYTES * forecast.entries
     if need <= process.MEMORY_SHARE * free:
         faster = None if direct_only else _two_levels_if_faster(A, forecast, levels, columns)
-        return faster or factorize(A, forecast.taken(A))
+        return faster or factorize(A, forecast.take_analysis(A))
 
     noun = f"the factor of {rows} dofs"
     if choice == "direct":
@@ -331,7 +331,7 @@ def _two_levels(
         forecast.analysis = None  # it has a copy of the coarse matrix
 
     def inverse(matrix: PETSc.Mat) -> Callable[[Array], Array]:
-        factor = factorize(matrix, forecast.taken(matrix))
+        factor = factorize(matrix, forecast.take_analysis(matrix))
         return lambda b: factor.solve_block(b[:, None])[:, 0]
 
     return TwoLevels(A, motions, prolongation, inverse, forecast.matrix, factored)
@@ -339,7 +339,7 @@ def _two_levels(
 
 def _sizes_of(A: PETSc.Mat, factor: float) -> LevelSizes:
     """Sizes of a two-level solver of A; a factor of A would have `factor` entries."""
-    return LevelSizes(stored_entries(A), _products_of(A), factor)
+    return LevelSizes(assembled_entries(A), _products_of(A), factor)
 
 
 def _products_of(A: PETSc.Mat) -> ProductCost:
@@ -348,7 +348,7 @@ def _products_of(A: PETSc.Mat) -> ProductCost:
     return cost
 
 
-def stored_entries(A: PETSc.Mat) -> float:
+def assembled_entries(A: PETSc.Mat) -> float:
     """Number of entries of A on all ranks, as if assembled if A is multiplied cell by cell."""
     if uses_cells(A):
         return _products_of(A).row * float(A.getSize()[0])
@@ -363,7 +363,7 @@ class Forecast:
     matrix: PETSc.Mat  # that is analysed: the given one, or that of linear elements
     analysis: Cholesky | None = None  # of that matrix, on one rank
 
-    def taken(self, matrix: PETSc.Mat) -> Cholesky | None:
+    def take_analysis(self, matrix: PETSc.Mat) -> Cholesky | None:
         """Return the analysis of `matrix` and forget it; None if there is none."""
         if matrix is not self.matrix:
             return None

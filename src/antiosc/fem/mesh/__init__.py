@@ -158,7 +158,7 @@ class Mesh(ReprMixin):
         instance("name", self.name, str, "a text")
         instance("labels", self.labels, np.ndarray, "an array of numbers of nodes")
         flag("stated", self.stated)
-        compat.name_coordinates(self.dolfinx)
+        compat.set_coordinate_element(self.dolfinx)
 
     @property
     def comm(self) -> MPI.Comm:

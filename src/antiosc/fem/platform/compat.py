@@ -119,7 +119,7 @@ def nodes_between(cell: str) -> list[tuple[list[int], int]]:
     ]
 
 
-def name_coordinates(mesh: dolfinx.mesh.Mesh) -> None:
+def set_coordinate_element(mesh: dolfinx.mesh.Mesh) -> None:
     """Give a mesh the coordinate element that FFCx 0.5 would set at its first form. All forms of
     the mesh then have the same signature and are compiled once."""
     if OLD_DOLFINX:

@@ -35,7 +35,7 @@ from antiosc.base.progress import doing
 from antiosc.fem.elements.beam import Beam, Truss, axes_of_beams
 from antiosc.fem.elements.second_order import second_order_strain
 from antiosc.fem.elements.shell import frames, section_fields, tangential_slopes
-from antiosc.fem.elements.solid import depth_of
+from antiosc.fem.elements.solid import thickness_of
 from antiosc.fem.elements.weak_form import (
     Parts,
     axes_and_sides,
@@ -249,7 +249,7 @@ def pressure_energy(
         n = ufl.FacetNormal(mesh.dolfinx)
         slope = ufl.grad(u)
         normal_change = ufl.tr(slope) * n - ufl.dot(ufl.transpose(slope), n)
-        against = -depth_of(mesh, parts) * factor
+        against = -thickness_of(mesh, parts) * factor
         return against * (ufl.dot(u, n) + ufl.dot(u, normal_change) / 2) * dx
 
     frame = frames(mesh, parts)

@@ -66,7 +66,7 @@ def _checked_inertia(name: str, value: object) -> float | tuple[float, ...]:
     return float(values)
 
 
-def by_components(
+def checked_components(
     name: str, values: object, kind: str, allowed: Sequence[str] = COMPONENTS
 ) -> dict[str, float]:
     """Checked values > 0 by component; `kind`: class of the attachment, for messages."""
@@ -86,8 +86,8 @@ def by_components(
 
 
 def _some_components(name: str, values: object, kind: str) -> dict[str, float]:
-    """As `by_components`; InputError for an empty dict."""
-    by_component = by_components(name, values, kind)
+    """As `checked_components`; InputError for an empty dict."""
+    by_component = checked_components(name, values, kind)
     if not by_component:
         raise InputError(f"a {kind} needs a {name}, as in {kind}(where, {{'z': 1e5}}).")
     return by_component

@@ -18,7 +18,7 @@ from antiosc.base.checks import floats, list_of, shown, whole
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.progress import doing
 from antiosc.fem.elements.beam import Beam
-from antiosc.fem.elements.tetrahedra import cellwise_products
+from antiosc.fem.elements.tetrahedra import cellwise_tetrahedra
 from antiosc.fem.elements.weak_form import (
     Family,
     Kind,
@@ -369,7 +369,7 @@ class MeshedStructure(PartsMatrices):
         return self.faces.contact(points, directions, reach, np.zeros(len(self.faces), dtype=int))
 
     def unsupported(self) -> MeshedStructure:
-        """The matrices without supports."""
+        """The same structure without its supports."""
         with without_warnings():  # it was warned of when the structure was made
             return self.reassembled(self.mesh, ())
 
@@ -570,7 +570,7 @@ def assembled_part(
         raise InputError("the supports fix every dof of the structure: nothing can move.")
 
     with doing(f"assembly of {mesh.n_cells} cells"):
-        by_cells = cellwise_products(mesh, form, parts, conditions)
+        by_cells = cellwise_tetrahedra(mesh, form, parts, conditions)
         if by_cells is not None:
             K = cell_matrix(by_cells, 1.0, 0.0)
             M = cell_matrix(by_cells, 0.0, 1.0)
@@ -635,7 +635,9 @@ def assembled_part(
             copy, materials_by_group, supports, order=order, attached=attachments, solver=solver
         )
 
-    thickness, along_line = _stretched(mesh, form, fixed, [entry for entry, _ in parts])
+    thickness, along_line = _thickness_and_line_support(
+        mesh, form, fixed, [entry for entry, _ in parts]
+    )
 
     return MeshedStructure(
         K,
@@ -659,7 +661,7 @@ def assembled_part(
     )
 
 
-def _stretched(
+def _thickness_and_line_support(
     mesh: Mesh, form: WeakForm, fixed: IntArray, materials: Sequence[Material]
 ) -> tuple[float | None, bool]:
     """(thickness [m] of a sheet or thin solid, else None; whether its supports lie on one line)."""

@@ -187,7 +187,7 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
             contact_work = np.diff(path_work(part.force, q @ a.system.beta.T), axis=0).sum(axis=1)
             stored_change = np.diff(kinetic[nodes] + modal[nodes])
             braked[inner_nodes] = work[inner_nodes] - contact_work - stored_change
-        elif a.system.damped:
+        elif a.system.has_damping:
             braked[inner_nodes] = _damping_losses(a, part, q, v)
 
     external_forces = a.external_forces(run.time)
@@ -211,9 +211,9 @@ def _cumulative_work_and_losses(
     a: Assembly, run: Run, mechanical: Array, work: Array, losses: Array
 ) -> tuple[Array, Array]:
     """(work of loads, damping losses) [J] up to each time node; in flight by energy balance."""
-    if not (np.any(work) or a.system.damped):
+    if not (np.any(work) or a.system.has_damping):
         return np.zeros(run.time.size), np.zeros(run.time.size)
-    damped = a.system.damped
+    damped = a.system.has_damping
     in_contact = np.any(run.force != 0.0, axis=1)  # a body that stretches is never in flight
     flight_steps = ~(in_contact[:-1:2] | in_contact[1::2] | in_contact[2::2])
     flight = np.repeat(flight_steps, 2)

@@ -10,7 +10,7 @@ import numpy as np
 from antiosc.base import errors
 from antiosc.base._types import Array
 from antiosc.impact.histories.motion import RunHistory
-from antiosc.impact.states import free_steps, modal_states, steps_at
+from antiosc.impact.states import modal_states, step_end_displacements, steps_at
 
 #: Rotation [rad] of a body above which a warning is given.
 SMALL_ROTATION = 0.1
@@ -82,7 +82,8 @@ def large_deflection_message(history: RunHistory) -> str:
 
 
 def curved_force_change(history: RunHistory, name: str) -> float:
-    """Largest share of second-order strain in the force on a curved sheet; 0 for other bodies."""
+    """Largest share of second-order strain in the force on the body `name` if it is a curved sheet,
+    else 0."""
     body = history.assembly.bodies[name]
     shares = body.info.get("second_order")
     if not shares:
@@ -140,4 +141,6 @@ def sampled_motion(history: RunHistory, omega: Array) -> Array:
     t = np.linspace(0.0, end, int(min(MAX_SAMPLES, SAMPLES_PER_PERIOD * (1 + periods))))
 
     run, system = history.run, history.assembly.system
-    return np.vstack([free_steps(run, system), modal_states(run, system, *steps_at(run, t))[0]])
+    return np.vstack(
+        [step_end_displacements(run, system), modal_states(run, system, *steps_at(run, t))[0]]
+    )

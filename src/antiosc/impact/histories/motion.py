@@ -22,11 +22,11 @@ from antiosc.impact.histories.parts import BodyHistory, ContactHistory, OneConta
 from antiosc.impact.states import (
     contact_forces,
     damping_states,
-    free_steps,
     modal_loads,
     modal_states,
     node_states,
     step_blocks,
+    step_end_displacements,
     steps_at,
 )
 from antiosc.models.modal import ModalBody, SiteModes
@@ -217,7 +217,7 @@ class RunHistory(OneContact):
         if not free:
             return "", 0.0
 
-        q = free_steps(self.run, a.system)
+        q = step_end_displacements(self.run, a.system)
         angles = {}
         for body in free:
             rotation = body.rotation(q[:, a.stacked.spans[body.name]])
@@ -295,7 +295,7 @@ class RunHistory(OneContact):
         if a.system.first is not None:
             decelerations, springs = damping_states(self.run, a.system, *steps_at(self.run, time))
             accelerations -= decelerations
-        elif a.system.damped:
+        elif a.system.has_damping:
             accelerations -= 2 * a.system.decay * v
 
         histories = {}

@@ -29,8 +29,8 @@ class RunEnd(NamedTuple):
     time: float  # time reached [s]
     touches: int  # number of touches
     closed_contacts: Sequence[int]  # numbers of the contacts still closed
-    force: float  # relative error of the force, as of `Converged`
-    peak: float  # relative error of its peak
+    force_error: float  # relative, as of `Converged`
+    peak_error: float  # the same
     agreed_until: float  # time [s] up to which two runs agree
 
 
@@ -76,7 +76,7 @@ def warn_unless_completed(status: int, message: str) -> None:
 
 def inexact_message(ended: RunEnd | Converged, tol: float, max_steps: int) -> str:
     """Reason why a complete run does not meet the tolerance; "" if it does."""
-    worst = max(ended.force, ended.peak)
+    worst = max(ended.force_error, ended.peak_error)
     if worst <= tol:
         return ""
 

@@ -315,7 +315,7 @@ def info_of_model(
     structure: Structure, sites: Sites, known: ConstraintModes, selected: Selection, method: str
 ) -> ModelInfo:
     """The record of an extraction, for `info` of the model."""
-    measured, converged = checked_modes(structure, known, method)
+    measured, converged = mode_errors(structure, known, method)
     cells = {name: site.cell for name, site in sites.items() if site.cell is not None}
     info = UNKNOWN_INFO.having(
         structure=structure.describe(),
@@ -519,7 +519,7 @@ def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
     )
 
 
-def checked_modes(
+def mode_errors(
     structure: Structure, known: ConstraintModes, method: str
 ) -> tuple[dict[str, float], int]:
     """(measured errors by name, number of converged modes); AccuracyError for large errors."""

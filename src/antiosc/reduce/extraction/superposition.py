@@ -196,7 +196,7 @@ COUNTED_SHARE = 1e-5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NaturalModes(ReprMixin, Body):
+class SuperpositionModel(ReprMixin, Body):
     """Natural modes of a structure and their displacements at one site; `simulate` accepts it.
 
     Attributes
@@ -249,7 +249,7 @@ def superposition(
     *,
     static_correction: bool = False,
     damping: float | Sequence[float] | Damping | None = None,
-) -> NaturalModes:
+) -> SuperpositionModel:
     """The first n natural modes that move the site, the rigid-body mode included.
 
     Parameters
@@ -299,7 +299,7 @@ def superposition(
 @one_thread()
 def full(
     structure: Structure, site: Site, *, damping: float | Sequence[float] | Damping | None = None
-) -> NaturalModes:
+) -> SuperpositionModel:
     """The unreduced model: all natural modes; dofs without mass give a residual compliance.
 
     `damping` as in `extract`.
@@ -363,7 +363,9 @@ class _ModesAtSite:
         omega = np.append(np.zeros(int(moves_site.sum())), omega)
         return Modes(omega, np.hstack([self._rigid[:, moves_site], phi]), modes.complete)
 
-    def model(self, modes: Modes, static_correction: bool, damping: Damping | None) -> NaturalModes:
+    def model(
+        self, modes: Modes, static_correction: bool, damping: Damping | None
+    ) -> SuperpositionModel:
         """The model of `modes`, all of which must move the site."""
         structure, where = self._structure, self._where
         b = np.asarray(dot(self._comm, modes.phi, where.b))
@@ -403,7 +405,7 @@ class _ModesAtSite:
             point=None if where.point is None else where.point.tolist(),
         )
         patch = where.local_compliance, where.radius
-        return NaturalModes(modes.omega, b, modes.phi, body, *patch, damping, info)
+        return SuperpositionModel(modes.omega, b, modes.phi, body, *patch, damping, info)
 
     def _static_remainder(self, modes: Modes, b: Array) -> tuple[float, Array]:
         """(compliance [m/N], shape) of the part of the static deflection that `modes` lack."""

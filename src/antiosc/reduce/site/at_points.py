@@ -151,7 +151,8 @@ def _on_surface(site: Site, place: Place) -> Place:
 def _functional_without_mesh(
     layout: Layout, site: Site, place: Place, end: PointMotion
 ) -> Functional:
-    """Load vector on u of a superelement's site or a reference point with the motion `end`."""
+    """The site as a functional of the dofs u, at a superelement's site or a reference point; `end`:
+    the motion of this point as functionals of u."""
     part, _, name = str(site.point).partition(":")
     direction = in_space(site.direction or ())
     direction = direction / np.linalg.norm(direction)

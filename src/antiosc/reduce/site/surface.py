@@ -160,7 +160,7 @@ def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = 
     if faces.dim != 2 or mesh.gdim != 3:
         raise InputError("beams and plane parts have no surface: give the law of the contact.")
 
-    patch = _patch_around(faces, point)
+    patch = _nearby_faces(faces, point)
     touching = patch.only(patch.touching)
     normal = _mean_normal(touching, direction, faces.sheet)
     x = touching.nearest.mean(axis=0)
@@ -176,7 +176,7 @@ def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = 
     return _curvature_by_fit(patch.only(np.isin(label, label[patch.touching])), x, normal)
 
 
-def _patch_around(faces: Faces, point: Array) -> Patch:
+def _nearby_faces(faces: Faces, point: Array) -> Patch:
     """The faces of all ranks around the face nearest to a point."""
     comm = faces.mesh.comm
     distances = np.linalg.norm(faces.centres - point, axis=1) - faces.radii
@@ -192,10 +192,10 @@ def _patch_around(faces: Faces, point: Array) -> Patch:
     )
     nearest_points = faces.at(facets, moved_inside(xi, faces.simplex))[0]
     gap = np.linalg.norm(nearest_points - point, axis=1)
-    return _gathered_patch(faces, facets, nearest_points, gap)
+    return _gathered_faces(faces, facets, nearest_points, gap)
 
 
-def _gathered_patch(faces: Faces, facets: IntArray, nearest: Array, gap: Array) -> Patch:
+def _gathered_faces(faces: Faces, facets: IntArray, nearest: Array, gap: Array) -> Patch:
     """The faces `facets` of all ranks as one patch; `gap`: distances [m] of `nearest`."""
     tensor = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     corner_order = [0, 1, 2] if faces.simplex else [0, 1, 3, 2]
@@ -222,7 +222,7 @@ def inner_points(matrices: PartsMatrices, part: str | None, spacing: float) -> A
         if faces.sheet or faces.dim != 2:
             continue
         count = len(faces.facets)
-        skin = _gathered_patch(faces, np.arange(count), faces.centres, np.zeros(count))
+        skin = _gathered_faces(faces, np.arange(count), faces.centres, np.zeros(count))
         start, end = np.moveaxis(member.at.placed(skin.inner_edges()), 1, 0)
         longest = np.linalg.norm(end - start, axis=1).max(initial=0.0)
         share = np.linspace(0.0, 1.0, 2 + int(longest / spacing))[:, None, None]
@@ -461,7 +461,7 @@ def _curvature(place: Place) -> Curvature:
     return curved.placed(at.rotation, at.placed(np.zeros((1, 3)))[0])
 
 
-class StructurePlane(Body):
+class StruckStructure(Body):
     """A structure as the struck body; the default `surface` is a flat face of its material."""
 
     def __init__(self, structure: Structure, surface: Surface | None = None) -> None:
