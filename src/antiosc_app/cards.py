@@ -163,7 +163,11 @@ def deflection_text(hit: History, budget: ErrorBudget | None) -> str:
     if budget is not None and budget.deflection is not None:
         return budget.shown(DEFLECTION, 3)
     motion = hit.site_motion
-    return "the part moves on" if motion is None else f"{engineering(motion.largest, 'm')} (no bar)"
+    return (
+        "the part moves on"
+        if motion is None
+        else f"{engineering(motion.largest_displacement, 'm')} (no bar)"
+    )
 
 
 def rows_of_history(

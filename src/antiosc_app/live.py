@@ -245,7 +245,7 @@ def _computed_data(hit: History, budget: ErrorBudget | None) -> Data:
     numbers |= {"restitution": hit.restitution, "contacts": len(hit.contacts)}
     numbers["dent"] = 0.0 if hit.dent is None else hit.dent.depth
     if (motion := hit.site_motion) is not None:  # None of a part that moves on as a whole
-        numbers["site_deflection"] = motion.largest
+        numbers["site_deflection"] = motion.largest_displacement
     last = hit.contacts[-1][1] if hit.contacts else 0.0
     ends = {"last": last, "touching": bool(last >= hit.run.time[-1])}
     return {"time": time, "force": force, **numbers, **ends, **_shown_data(hit, budget)}

@@ -92,7 +92,7 @@ def _history_quantities(results: SceneResults) -> Iterator[Quantity]:
         reason = no_bar_reason(hit)
         values = {name: (float(getattr(hit, name)), unit) for name, unit in QUANTITIES.items()}
         if hit.site_motion is not None:
-            values[DEFLECTION] = hit.site_motion.largest, "m"
+            values[DEFLECTION] = hit.site_motion.largest_displacement, "m"
         for name, (value, unit) in values.items():
             yield _quantity_with_bar(budget, name, value, unit, reason)
         if hit.restitution is not None:

@@ -109,7 +109,7 @@ class System:
         rows = self.contacts[["first_tangential", "n_tangential"]].tolist()
         return [slice(first, first + count) for first, count in rows]
 
-    def with_rows(self, beta: Array, quadratic: Array, cubic: Array) -> System:
+    def with_second_order_rows(self, beta: Array, quadratic: Array, cubic: Array) -> System:
         """The system with further rows beta (s, J), on which the second-order forces act."""
         count = len(beta)
         return replace(

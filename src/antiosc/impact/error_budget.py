@@ -49,7 +49,7 @@ RelativeErrors = dict[str, float]
 Rerun = Callable[..., History]
 
 
-class RepeatedImpact:
+class ImpactRerun:
     """An impact to repeat on other models and with other laws; `tol`: time integration error."""
 
     def __init__(self, model: AntiOscillators, rerun: Rerun, tol: float) -> None:
@@ -75,7 +75,7 @@ class RepeatedImpact:
 BAR_SIGMAS = 2.0
 
 
-def measurement_errors(impact: RepeatedImpact) -> RelativeErrors:
+def measurement_errors(impact: ImpactRerun) -> RelativeErrors:
     """Relative errors by quantity: sums of those by measurement noise and by limited band."""
     facts = impact.model.info.measured
     if facts is None:
@@ -147,7 +147,7 @@ def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
     if stretches:
         model = replace(model, stretch=None)
 
-    impact = RepeatedImpact(model, rerun, tol)
+    impact = ImpactRerun(model, rerun, tol)
     of_mesh = _mesh_errors(
         impact, " (of runs without its stretching)" if hit.assembly.stretch_forces else ""
     )
@@ -190,7 +190,7 @@ def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
 
     found = {name: bar(name, getattr(hit, name)) for name in QUANTITIES}
     if hit.site_motion is not None:
-        found[DEFLECTION] = bar(DEFLECTION, hit.site_motion.largest)
+        found[DEFLECTION] = bar(DEFLECTION, hit.site_motion.largest_displacement)
 
     return ErrorBudget(
         found,
@@ -244,7 +244,7 @@ def restitution_of(hit: History) -> float | None:
     return e
 
 
-def law_error(impact: RepeatedImpact) -> tuple[RelativeErrors | None, str]:
+def law_error(impact: ImpactRerun) -> tuple[RelativeErrors | None, str]:
     """(relative errors due to the contact law, None if unknown; why bars lack them, or "")."""
     hit = impact.raw_history
     choice = choice_of(hit.law, hit.model, hit.impactor)
@@ -265,7 +265,7 @@ def law_error(impact: RepeatedImpact) -> tuple[RelativeErrors | None, str]:
 POINT_CONTACT_LAWS = (Hertz, Gonthier, ElasticPlastic, YangSun)
 
 
-def _stretch_errors(hit: History, model: AntiOscillators, impact: RepeatedImpact) -> RelativeErrors:
+def _stretch_errors(hit: History, model: AntiOscillators, impact: ImpactRerun) -> RelativeErrors:
     """Relative errors due to omitted second-order forces, if needed by a run with more modes."""
     if model.stretch is None:
         energy = hit.assembly.omitted_stretch_ratio
@@ -296,7 +296,7 @@ class DiscretizationErrors(NamedTuple):
     notes: Sequence[str] = ()
 
 
-def _mesh_errors(impact: RepeatedImpact, linear_note: str) -> DiscretizationErrors:
+def _mesh_errors(impact: ImpactRerun, linear_note: str) -> DiscretizationErrors:
     """The errors due to the mesh and to truncation, from runs on other models."""
     model = impact.model
     raw = impact.raw_history
@@ -396,7 +396,7 @@ def _step_errors(hit: History, finer: History | None, tol: float) -> dict[str, f
     return {name: max(change[name] + tol, estimated.get(name, error)) for name in BAR_UNITS}
 
 
-def _patch_errors(impact: RepeatedImpact) -> tuple[RelativeErrors, list[str]]:
+def _patch_errors(impact: ImpactRerun) -> tuple[RelativeErrors, list[str]]:
     """Errors due to the radius of the patch, and a note.
 
     A patch of a second radius changes the part's compliance by more or less than the half-space

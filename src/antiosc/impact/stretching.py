@@ -72,7 +72,7 @@ def with_stretch_rows(a: Assembly, by_body: Mapping[str, Stretch]) -> Assembly:
 
     G = np.pad(a.G, ((0, count), (0, 0)))
 
-    system = system.with_rows(rows, quadratic, cubic)
+    system = system.with_second_order_rows(rows, quadratic, cubic)
     return replace(a, G=G, system=system, stretch_forces=dict(by_body))
 
 

@@ -126,7 +126,7 @@ class PointsInCells:
         tdim = self.part.mesh.tdim if inverse is None else inverse.shape[2]
         if not len(self.X):
             return np.zeros((0, dofs.shape[2], tdim, dofs.shape[3]))
-        table = compat.tabulate_slopes(self._space, self._first, self.X)
+        table = compat.tabulate_derivatives(self._space, self._first, self.X)
         along = table if inverse is None else table @ inverse
 
         # a product of matrices takes a seventh of the time of einsum

@@ -222,13 +222,13 @@ def _with_sentence(result: StressResult) -> StressResult:
             "by the mesh"
         )
         if result.reason:
-            sentence += f"; {_unknown_text(field)}, since {result.reason}"
+            sentence += f"; {_bounds_text(field)}, since {result.reason}"
         fields[name] = replace(field, rounds=sentence)
 
     return replace(result, fields=fields)
 
 
-def _unknown_text(field: PeakField) -> str:
+def _bounds_text(field: PeakField) -> str:
     """Text: the bounds between which the largest stress is, and the place of the upper one."""
     values, errors = _judged_stresses(field)
     least = float(values.max()) * (1 - stress_bar(field)[0])

@@ -5,9 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import dolfinx
 import meshio
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 import antiosc as ao
 import parts
@@ -245,3 +247,17 @@ def test_over_ranks():
     for a, b in zip(two, one, strict=True):
         assert abs(a[1] - b[1]) <= 2  # iterations
     np.testing.assert_allclose([x[2:] for x in two], [x[2:] for x in one], rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_a_proof_takes_a_factor_where_conjugate_gradients_are_faster():
+    corners = [[0.0, 0.0, 0.0], [0.2, 0.1, 0.08]]
+    kind = dolfinx.mesh.CellType.tetrahedron
+    mesh = ao.read_mesh(dolfinx.mesh.create_box(MPI.COMM_WORLD, corners, [20, 10, 8], kind))
+    part = ao.Structure(mesh, ao.material("S355"), [ao.Support("-x")])
+    assert isinstance(part.factorize(), TwoLevels)
+    site = ao.Site((0.18, 0.03, 0.08), (0.0, 0.0, -1.0), radius=0.02)
+    model = ao.extract(part, site, n=10, proof=1e-4)
+    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-4, proof=True)
+    low, high = hit.enclosure.peak
+    assert low <= hit.peak_force <= high

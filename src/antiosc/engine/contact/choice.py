@@ -29,7 +29,7 @@ from antiosc.engine.contact.geometry import (
     effective_modulus,
     equivalent_circle,
     hertz_stiffness,
-    relative_of_curvatures,
+    relative_from_principal,
 )
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, Punch, YangSun
 from antiosc.engine.contact.surfaces import RIGID_MATTER, RUBBER_E, RUBBER_NU, Matter, Surface
@@ -89,7 +89,7 @@ def choose_law(one: Surface, other: Surface, restitution: float | None = None) -
     first, *other_elastic = elastic
     second = other_elastic[0] if other_elastic else RIGID_MATTER
     modulus = effective_modulus(first.E, first.nu, second.E, second.nu)
-    A, B = relative_of_curvatures(one.curvatures, other.curvatures, _axes_angle(one, other))
+    A, B = relative_from_principal(one.curvatures, other.curvatures, _axes_angle(one, other))
     uncertain = sum(surface.error for surface in (one, other) if any(surface.curvatures))
     doubt = _unknown_property(one, other)
     straight = all(0.0 in surface.curvatures for surface in (one, other))

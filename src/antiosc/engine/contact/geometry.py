@@ -43,7 +43,7 @@ def relative_curvatures(radii1: Radii, radii2: Radii, angle: float) -> tuple[flo
     """A <= B [1/m] of the gap A x^2 + B y^2; `angle` in degrees (Johnson, (4.3)-(4.5))."""
     first = _curvatures("radii1", radii1)
     second = _curvatures("radii2", radii2)
-    A, B = relative_of_curvatures(first, second, angle)
+    A, B = relative_from_principal(first, second, angle)
     if A <= 1e-12 * B or B <= 0:
         raise InputError(
             f"the surfaces must part in every direction from their point of contact; the relative"
@@ -53,7 +53,7 @@ def relative_curvatures(radii1: Radii, radii2: Radii, angle: float) -> tuple[flo
     return A, B
 
 
-def relative_of_curvatures(
+def relative_from_principal(
     first: tuple[float, float], second: tuple[float, float], angle: float
 ) -> tuple[float, float]:
     """As `relative_curvatures`, from principal curvatures [1/m]; A may be 0 or less."""

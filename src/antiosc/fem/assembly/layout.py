@@ -350,7 +350,7 @@ class Layout:
                 dofs = member.first + compat.cell_dofs(space, path, cell)
                 entries.append((dofs, weights[..., None] * member.at.rotation[:, axis]))
 
-        return self._stacked(entries, len(cell))
+        return self._summed_functionals(entries, len(cell))
 
     def at_nodes(self, member: Member, nodes: IntArray, names: tuple[str, ...]) -> Sparse:
         """Functionals (3P, n): displacements of nodes (P,); rotations if `names` is ROTATIONS."""
@@ -359,13 +359,13 @@ class Layout:
             if name in member.part.form.components:
                 values = np.tile(member.at.rotation[:, axis], (len(nodes), 1, 1))
                 entries.append((self.dofs(member, nodes, name)[:, None], values))
-        return self._stacked(entries, len(nodes))
+        return self._summed_functionals(entries, len(nodes))
 
     def half_curl(self, member: Member, cell: IntArray, X: Array) -> Sparse:
         """Functionals (3P, n): ½ ∇ × u at reference points X (P, tdim) in cells (P,) of a solid."""
         form = member.part.form
         _, J = member.part.mesh.geometry.at(cell, X)
-        slopes = compat.tabulate_slopes(form.space, form.components["x"], X)
+        slopes = compat.tabulate_derivatives(form.space, form.components["x"], X)
         gradient = np.einsum("pft,ptx->pfx", slopes, np.linalg.pinv(J))
 
         entries = []
@@ -376,9 +376,9 @@ class Layout:
                 of_axis = 0.5 * np.cross(gradient, np.eye(3)[axis])  # ½ ∇φ × e
                 entries.append((dofs, of_axis @ member.at.rotation.T))
 
-        return self._stacked(entries, len(cell))
+        return self._summed_functionals(entries, len(cell))
 
-    def _stacked(self, entries: Sequence[tuple[IntArray, Array]], count: int) -> Sparse:
+    def _summed_functionals(self, entries: Sequence[tuple[IntArray, Array]], count: int) -> Sparse:
         """Functionals (3P, n) of P vectors: sums over pairs (dofs (P, k), vectors (P, k, 3))."""
         total = self.zeros(3 * count)
 

@@ -338,7 +338,7 @@ def _points_by_rule(part: MeshedStructure, degree: int) -> PartPoints:
         raise InputError("stretch is of Shell, Laminate, Solid, AnisotropicSolid, Beam alone.")
 
     # derivatives (n, d, functions) of the functions of the nodes along the directions
-    slopes = np.tile(compat.tabulate_slopes(space, (0,), X), (count, 1, 1))
+    slopes = np.tile(compat.tabulate_derivatives(space, (0,), X), (count, 1, 1))
     derivatives = local.along @ np.swapaxes(slopes @ np.linalg.pinv(J), 1, 2)
     n, d, functions = derivatives.shape
     nodes = compat.cell_dofs(space, (0,), cells) // part.block

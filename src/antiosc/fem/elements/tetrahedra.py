@@ -450,5 +450,5 @@ def _quadrature(mesh: Mesh, form: WeakForm, degree: int) -> QuadratureRule:
     """The quadrature rule of this degree, with the shape functions of `form`."""
     X, weights = compat.quadrature(mesh.cell, degree)
     values = compat.tabulate(form.space, (0,), X)
-    gradients = compat.tabulate_slopes(form.space, (0,), X)
+    gradients = compat.tabulate_derivatives(form.space, (0,), X)
     return values, np.ascontiguousarray(gradients), weights

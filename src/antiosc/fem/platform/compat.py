@@ -332,7 +332,7 @@ def tabulate(space: fem.FunctionSpace, path: Sequence[int], X: Array) -> Array:
     return np.asarray(element.tabulate(0, X))[0].reshape(len(X), -1)
 
 
-def tabulate_slopes(space: fem.FunctionSpace, path: Sequence[int], X: Array) -> Array:
+def tabulate_derivatives(space: fem.FunctionSpace, path: Sequence[int], X: Array) -> Array:
     """Derivatives of the basis functions along the reference axes: (points, functions, axes)."""
     element = subspace(space, path).element.basix_element
     tables = np.asarray(element.tabulate(1, X))[1:]

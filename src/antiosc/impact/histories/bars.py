@@ -300,7 +300,7 @@ def relative_changes(first: Any, second: Any) -> dict[str, float]:
 def relative_changes_with_site(first: Any, second: Any) -> dict[str, float]:
     """`relative_changes`, and the change of the site's displacement (0 if unknown)."""
     moved = [getattr(one, "site_motion", None) for one in (first, second)]
-    largest = [0.0 if one is None else one.largest for one in moved]
+    largest = [0.0 if one is None else one.largest_displacement for one in moved]
     return {**relative_changes(first, second), DEFLECTION: _relative_difference(*largest)}
 
 

@@ -25,7 +25,7 @@ INITIAL_DURATION, LONGER = 1e-3, 32
 class SiteMotion(NamedTuple):
     """Largest displacement of a site along the impact, and its time."""
 
-    largest: float  # within the run [m]
+    largest_displacement: float  # within the run [m]
     time: float  # when [s]
 
 
@@ -68,4 +68,4 @@ def parted(hit: Any) -> bool:
         return False
 
     away = -float(hit.indentation[-1] + hit.displacement[-1])
-    return hit.site_motion is None or away > hit.site_motion.largest
+    return hit.site_motion is None or away > hit.site_motion.largest_displacement

@@ -168,7 +168,7 @@ class Strains:
         self.weights = np.abs(np.linalg.det(J)) * weights
         self._space, self._paths = form.space, list(form.components.values())
         self._values = compat.with_ghosts(form.space, shapes)
-        self._slopes = compat.tabulate_slopes(form.space, self._paths[0], self.X)
+        self._slopes = compat.tabulate_derivatives(form.space, self._paths[0], self.X)
 
     def slices(self, cells: IntArray) -> list[slice]:
         """Slices of `cells`, each small enough for its strains to stay in the processor's cache."""

@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from math import inf
 from typing import TYPE_CHECKING, Any, Literal, get_args, overload
 
 import numpy as np
@@ -260,8 +261,9 @@ def extract(
         inverse of its contact time. It takes a second factorization.
     proof : bool or float
         Store the data with which `simulate(..., proof=True)` bounds the force; it takes one more
-        Krylov step. A number is the contact time [s] of the impact (`contact_time` of a first
-        run), from which the expansion point that makes the bounds narrow is computed.
+        Krylov step, and a factor where it fits into the memory. A number is the contact time [s] of
+        the impact (`contact_time` of a first run), from which the expansion point that makes the
+        bounds narrow is computed.
     damping : float, sequence of float, or Damping, optional
         Damping ratio of all elastic free modes of the model, ratios of the modes in ascending order
         (the last one for all higher modes), or a `Damping`.
@@ -314,7 +316,10 @@ def extract(
     columns = [sum(target.B.shape[1] for target in group.values()) for group in groups]
     solves = sum(1 + (count - 1) / SOLVES_OF_MODEL for count in columns)
     solves += pair_count(stretch) / SOLVES_OF_MODEL if stretch is not False else 0.0
-    solver = structure.factorize(max(solves, EQUIVALENT_SITES) if method == "modes" else solves)
+    if method == "modes":
+        solves = max(solves, EQUIVALENT_SITES)
+    most = inf if options.proof else 1.0  # a proof needs a factor
+    solver = structure.factorize(max(solves, most))
     spent = time.perf_counter() - start_time
     if not factored:
         spent -= structure.seconds["factorization"]
@@ -322,7 +327,7 @@ def extract(
     expanded = None
     shift = (2 * np.pi * (options.expansion or 0.0)) ** 2
     if shift > structure.shift:
-        expanded = structure.factorize_at(shift, max(columns)), shift
+        expanded = structure.factorize_at(shift, max(*columns, most)), shift
 
     models = []
     for group in groups:
