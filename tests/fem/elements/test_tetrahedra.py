@@ -94,7 +94,8 @@ def test_a_cell_that_is_folded_at_a_point_has_the_product_of_its_entries():
     x[nodes[9]] = 1.5 * x[nodes[1]] - 0.5 * x[nodes[0]]  # the middle of this edge, beyond its end
     K = ao.Structure(ao.read_mesh(mesh.dolfinx), STEEL, HELD).K
     curved = K.getAttr(CELLS_KEY).cells._kinds[1]
-    slopes = np.einsum("cni,qna->cqia", curved.given[1], curved._rules[0][1])
+    places = curved._positions[: -tetrahedra.VECTOR_PADDING].reshape(-1, 3)[curved.nodes]
+    slopes = np.einsum("cni,qna->cqia", places, curved._rules[0][1])
     assert np.any(np.ptp(np.sign(np.linalg.det(slopes)), axis=1))
     u = np.random.default_rng(0).standard_normal(K.getSize()[0])
     exact = csr(with_entries(K)) @ u

@@ -159,11 +159,8 @@ class CurvedCells(Cells):
         for_m: QuadratureRule,
     ) -> None:
         super().__init__(nodes)
-        self.given = nodes, x, constants
         self._rules = for_k, for_m
-        self._values = np.ascontiguousarray(for_m[0])
-
-        self._constants = padded_lanes(constants)
+        self._constants = constants
         centre = x.mean(axis=(0, 1)) if len(x) else 0.0  # for single precision
         positions = np.zeros((nodes.max(initial=0) + 1, 3))
         positions[nodes] = x - centre
@@ -172,14 +169,23 @@ class CurvedCells(Cells):
     @property
     def _arrays(self) -> Sequence[Array]:
         points = [np.column_stack([rule[0] @ BARYCENTRIC, rule[2]]) for rule in self._rules]
-        return [self._constants, self._positions, *points, self._values]
+        values = np.ascontiguousarray(self._rules[1][0])
+        return [padded_lanes(self._constants), self._positions, *points, values]
 
     def _argument(self, nodes: int, arrays: Sequence[int]) -> Structure:
         counts = [len(rule[2]) for rule in self._rules]
         return CCurved(len(self._in_lanes), nodes, *arrays[:2], *counts, *arrays[2:])
 
+    def by_rule(self, rule: QuadratureRule) -> CurvedCells:
+        """The same cells with this rule for K and M."""
+        result = copy(self)
+        result._rules = rule, rule
+        result._arguments = {}
+        return result
+
     def blocks(self, k: float, m: float) -> Iterator[Array]:
-        _, x, constants = self.given
+        x = self._positions[:-VECTOR_PADDING].reshape(-1, 3)[self.nodes]
+        constants = self._constants
         (_, gradients, weights), (values, mass_gradients, mass_weights) = self._rules
 
         # J = dx/dX: the gradients of X are the rows of the inverse
@@ -388,10 +394,9 @@ class Tetrahedra:
         """A spectrally equivalent copy for smoothing: fewer quadrature points in curved cells."""
         kinds = self._kinds
         result = copy(self)
-        rules = 2 * [_quadrature(self._mesh, self._form, SMOOTHING_DEGREE)]
+        rule = _quadrature(self._mesh, self._form, SMOOTHING_DEGREE)
         result._kinds = [
-            CurvedCells(*cells.given, *rules) if isinstance(cells, CurvedCells) else cells
-            for cells in kinds
+            cells.by_rule(rule) if isinstance(cells, CurvedCells) else cells for cells in kinds
         ]
         return result
 

@@ -173,13 +173,8 @@ class LevelSizes:
 
     def iterations_within(self, seconds: float, columns: float) -> int:
         """Most iterations per solve for which the model's total time is at most `seconds`."""
-        return max(
-            0,
-            int(
-                (seconds - self.setup_seconds)
-                / (SOLVES_OF_MODEL * columns * self.iteration_seconds)
-            ),
-        )
+        left = seconds - self.setup_seconds
+        return max(0, int(left / (SOLVES_OF_MODEL * columns * self.iteration_seconds)))
 
 
 def checked_choice(choice: SolverChoice) -> SolverChoice:
